@@ -1,0 +1,1 @@
+"""Tables and sidecars that the steps exchange: columns, units, ranges."""

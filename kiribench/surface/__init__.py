@@ -1,0 +1,1 @@
+"""Scans as triangle meshes: read, check, repair, locate points, measure geodesics."""
