@@ -107,6 +107,7 @@ def _launch(argv: list[str]) -> int:
         nonlocal exit_code
         exit_code = _run(app, list(argument), config)
 
+    app.meta.suppress_keyboard_interrupt = False
     app.meta(argv, exit_on_error=False, print_error=False, result_action="return_value")
     return exit_code
 
