@@ -1,0 +1,1 @@
+"""How well a worn patch covers the skin, cell by cell, and why it does not."""

@@ -1,0 +1,1 @@
+"""Two poses to skin strain, cell by cell, with uncertainty."""
