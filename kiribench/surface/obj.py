@@ -1,0 +1,358 @@
+"""Wavefront OBJ by a fast path: one buffer of fixed size, two passes, compiled loops.
+
+The format: http://paulbourke.net/dataformats/obj/ (Appendix B1 of the Advanced Visualizer
+manual). Read are ``v`` (with vertex colours, as scanners write them), ``vt`` and ``f`` with
+its four forms of corner, negative indices and polygons of any length (as a fan, like
+trimesh); ``mtllib`` and ``usemtl`` lead to the texture. Normals, groups, lines and curves are
+passed over.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kiribench.errors import Fault, MeshError
+from kiribench.surface.files import regular_file
+from kiribench.surface.mesh import FloatArray, IntArray
+from kiribench.surface.mtl import texture_of
+
+BLOCK_BYTES = 1 << 22
+LONGEST_LINE_BYTES = 1 << 26
+_MOST_NAMES = 256
+_BYTE_ORDER_MARK = b"\xef\xbb\xbf"
+_NOT_TEXT = {
+    b"\xff\xfe": "UTF-16 text",
+    b"\xfe\xff": "UTF-16 text",
+    b"\x1f\x8b": "a gzip archive",
+    b"PK\x03\x04": "a zip archive",
+    b"ply\n": "a PLY file",
+    b"ply\r": "a PLY file",
+    b"glTF": "a binary glTF file",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class ObjContent:
+    """An OBJ file as arrays, in the file's own unit.
+
+    Attributes:
+        vertices: (n, 3) float64.
+        faces: (m, 3) int32, 0-based.
+        uv: (k, 2) float64, or None.
+        face_uv: (m, 3) int32 into ``uv``, or None.
+        colours: (n, 3) uint8, or None.
+        texture: the picture named by the materials, inside the scan's folder, or None.
+        faults: warnings, never errors.
+    """
+
+    vertices: FloatArray
+    faces: IntArray
+    uv: FloatArray | None
+    face_uv: IntArray | None
+    colours: NDArray[np.uint8] | None
+    texture: Path | None
+    faults: tuple[Fault, ...]
+
+
+def read_obj(path: Path, *, block_bytes: int = BLOCK_BYTES) -> ObjContent:
+    """Read the OBJ file at ``path``; lengths stay in the file's unit.
+
+    Args:
+        path: the file.
+        block_bytes: size of the read buffer; the result does not depend on it.
+
+    Raises:
+        MeshError: with the line number: ``obj-bad-number``, ``obj-few-coordinates``,
+            ``obj-bad-corner``, ``obj-index-range``, ``obj-few-corners``,
+            ``obj-mixed-corners``, ``obj-not-text``, ``obj-line-too-long``,
+            ``obj-truncated``; or ``obj-no-vertices``, ``obj-no-faces``.
+    """
+    from kiribench.surface import obj_kernels as kernels
+
+    regular_file(path)
+    state = np.zeros(kernels.STATE_SIZE, dtype=np.int64)
+    names = _Names()
+    ends_in_newline = True
+    for block, size in _blocks(path, block_bytes):
+        kernels.count(block, size, state)
+        _raise_if_failed(path, state, block, size)
+        names.collect(block, size)
+        ends_in_newline = bool(block[size - 1] in (10, 13))
+    vertices, uvs, triangles = (
+        int(state[slot]) for slot in (kernels.VERTICES, kernels.UVS, kernels.TRIANGLES)
+    )
+    coloured = int(state[kernels.COLOURED])
+    if vertices == 0:
+        raise MeshError(
+            "obj-no-vertices",
+            "The OBJ file holds no vertex (no line that starts with 'v').",
+            remedy="Export the scan again as a triangle mesh in OBJ format.",
+            file=path,
+        )
+    xyz = np.empty((vertices, 3))
+    rgb = np.full((vertices if coloured else 0, 3), np.nan, dtype=np.float32)
+    uv = np.empty((uvs, 2))
+    faces = np.empty((triangles, 3), dtype=np.int32)
+    face_uv = np.empty((triangles if uvs else 0, 3), dtype=np.int32)
+    state[:] = 0
+    for block, size in _blocks(path, block_bytes):
+        kernels.parse(block, size, state, xyz, rgb, uv, faces, face_uv)
+        _raise_if_failed(path, state, block, size)
+    if triangles == 0:
+        raise MeshError(
+            "obj-no-faces",
+            f"The OBJ file holds {vertices} vertices but no face.",
+            remedy="Export the scan as a mesh, not as a point cloud; or the file was cut off.",
+            file=path,
+        )
+    if int(state[kernels.TRIANGLES]) != triangles or int(state[kernels.VERTICES]) != vertices:
+        raise MeshError(
+            "obj-changed",
+            "The file changed while it was being read.",
+            remedy="Wait until it is written completely, then read it again.",
+            file=path,
+        )
+    if not ends_in_newline and int(state[kernels.ITEMS]) == ord("f"):
+        _refuse_cut_last_face(path, xyz, faces, int(state[kernels.FACE_LINE]))
+    faults: list[Fault] = []
+    texture, texture_faults = texture_of(path, names.libraries, names.materials)
+    faults += texture_faults
+    bare = int(state[kernels.BARE])
+    textured = uvs > 0 and bare < triangles
+    if textured and bare:
+        face_uv[face_uv < 0] = uvs
+        uv = np.concatenate([uv, np.zeros((1, 2))])
+        faults.append(
+            Fault(
+                "obj-partial-uv",
+                f"{bare} of {triangles} triangles have no texture coordinates; "
+                "they get (0, 0).",
+                remedy="Export the scan with texture coordinates on every face.",
+                file=str(path),
+                severity="warning",
+            )
+        )
+    colours, colour_faults = _colours(path, rgb, coloured, vertices)
+    faults += colour_faults
+    return ObjContent(
+        vertices=xyz,
+        faces=faces,
+        uv=uv if textured else None,
+        face_uv=face_uv if textured else None,
+        colours=colours,
+        texture=texture if textured else None,
+        faults=tuple(faults),
+    )
+
+
+def _blocks(path: Path, block_bytes: int) -> Iterator[tuple[NDArray[np.uint8], int]]:
+    """The file as runs of whole lines in one reused buffer: (buffer, length)."""
+    buffer = np.empty(block_bytes, dtype=np.uint8)
+    kept = 0
+    first = True
+    with path.open("rb", buffering=0) as stream:
+        while True:
+            got = stream.readinto(memoryview(buffer)[kept:]) or 0
+            size = kept + got
+            if first and got:
+                _refuse_other_formats(path, bytes(buffer[:4]))
+                if bytes(buffer[:3]) == _BYTE_ORDER_MARK:
+                    buffer[:3] = 32
+                first = False
+            if got == 0:
+                if size:
+                    yield buffer, size
+                return
+            cut = _last_whole_line(buffer, size)
+            if cut == 0:
+                if size < len(buffer):
+                    kept = size
+                    continue
+                if len(buffer) >= LONGEST_LINE_BYTES:
+                    raise MeshError(
+                        "obj-line-too-long",
+                        f"A line is longer than {LONGEST_LINE_BYTES >> 20} MiB.",
+                        remedy="This is no OBJ text file; export the scan again.",
+                        file=path,
+                    )
+                buffer = np.concatenate([buffer, np.empty_like(buffer)])
+                kept = size
+                continue
+            yield buffer, cut
+            rest = buffer[cut:size].copy()
+            buffer[: len(rest)] = rest
+            kept = len(rest)
+
+
+def _last_whole_line(buffer: NDArray[np.uint8], size: int) -> int:
+    """Length of the longest run of whole lines at the buffer's start (0 if there is none)."""
+    view = buffer[:size].data
+    data = bytes(view[max(0, size - 65536) : size])
+    base = size - len(data)
+    while True:
+        at = len(data)
+        while (at := data.rfind(b"\n", 0, at)) >= 0:
+            before = data[max(0, at - 2) : at]
+            if not (before.endswith(b"\\") or before == b"\\\r"):
+                return base + at + 1
+        # Carriage returns alone end the lines of some old files; the last byte may be half
+        # of a pair.
+        at = data.rfind(b"\r", 0, len(data) - 1)
+        if at >= 0 and data.find(b"\n") < 0:
+            return base + at + 1
+        if base == 0:
+            return 0
+        data = bytes(view[:size])
+        base = 0
+
+
+def _refuse_other_formats(path: Path, start: bytes) -> None:
+    for magic, what in _NOT_TEXT.items():
+        if start.startswith(magic):
+            raise MeshError(
+                "obj-not-text",
+                f"The file is called .obj but is {what}.",
+                remedy="Export it as OBJ text (UTF-8), or give it the right ending.",
+                file=path,
+            )
+
+
+class _Names:
+    """The material libraries and materials that the file names, in order, once each."""
+
+    def __init__(self) -> None:
+        self.libraries: list[str] = []
+        self.materials: list[str] = []
+
+    def collect(self, block: NDArray[np.uint8], size: int) -> None:
+        data = bytes(block[:size])
+        for keyword, listed in ((b"mtllib", self.libraries), (b"usemtl", self.materials)):
+            at = -1
+            while len(listed) < _MOST_NAMES and (at := data.find(keyword, at + 1)) >= 0:
+                start = max(data.rfind(b"\n", 0, at), data.rfind(b"\r", 0, at)) + 1
+                if data[start:at].strip():
+                    continue
+                rest = data[at + len(keyword) : at + len(keyword) + 4096]
+                if rest[:1] not in (b" ", b"\t"):
+                    continue
+                line = rest.splitlines()[0].decode("utf-8", errors="replace").strip()
+                if line and line not in listed:
+                    listed.append(line)
+
+
+def _raise_if_failed(
+    path: Path, state: NDArray[np.int64], block: NDArray[np.uint8], size: int
+) -> None:
+    from kiribench.surface import obj_kernels as kernels
+
+    code = int(state[kernels.ERROR])
+    if code == kernels.OK:
+        return
+    row = int(state[kernels.ERROR_LINE])
+    at = int(state[kernels.ERROR_AT])
+    token = bytes(block[at : min(at + 24, size)]).split(maxsplit=1)
+    got = repr(token[0].decode("utf-8", errors="replace")) if token else "the line's end"
+    counts = {
+        "vertices": int(state[kernels.VERTICES]),
+        "texture coordinates": int(state[kernels.UVS]),
+    }
+    held = ", ".join(f"{number} {name}" for name, number in counts.items())
+    name, what, expected, remedy = {
+        kernels.BAD_NUMBER: (
+            "obj-bad-number",
+            "This is no number.",
+            "a decimal number with a point",
+            "Export with a decimal point (English number format).",
+        ),
+        kernels.FEW_COORDINATES: (
+            "obj-few-coordinates",
+            "The vertex has too few coordinates.",
+            "three numbers after v, one or two after vt",
+            "The file is cut off or damaged here; export it again.",
+        ),
+        kernels.BAD_CORNER: (
+            "obj-bad-corner",
+            "This is no corner of a face.",
+            "v, v/vt, v//vn or v/vt/vn with whole numbers",
+            "The file is damaged here; export it again.",
+        ),
+        kernels.OUT_OF_RANGE: (
+            "obj-index-range",
+            f"The face names a vertex that does not exist (up to this line: {held}).",
+            "1 to the number of vertices, or negative to count backwards",
+            "The file is damaged or cut off; export it again.",
+        ),
+        kernels.FEW_CORNERS: (
+            "obj-few-corners",
+            "The face has fewer than three corners.",
+            "three corners or more",
+            "The file is cut off or damaged here; export it again.",
+        ),
+        kernels.MIXED_CORNERS: (
+            "obj-mixed-corners",
+            "Some corners of the face have texture coordinates and some have none.",
+            "the same form for every corner of a face",
+            "The file is cut off or damaged here; export it again.",
+        ),
+        kernels.BINARY: (
+            "obj-not-text",
+            "The file holds binary data.",
+            "OBJ text",
+            "Export it as OBJ text, or give it the right ending.",
+        ),
+    }[code]
+    raise MeshError(name, what, remedy=remedy, file=path, row=row, got=got, expected=expected)
+
+
+def _refuse_cut_last_face(path: Path, xyz: FloatArray, faces: IntArray, row: int) -> None:
+    """Refuse a last face whose last index was cut short (``12345`` read as ``12``).
+
+    Without a final newline nothing else tells. Such a face jumps across the scan, so it is
+    refused when its longest edge is over 20 times the longest of the 1,000 faces before it.
+    """
+    if len(faces) < 20:
+        return
+
+    def longest(rows: IntArray) -> float:
+        corners = xyz[rows]
+        edges = corners - np.roll(corners, -1, axis=1)
+        return float(np.sqrt((edges**2).sum(axis=2).max()))
+
+    if longest(faces[-1:]) > 20 * longest(faces[-1001:-1]):
+        raise MeshError(
+            "obj-truncated",
+            "The file ends inside a face: its last index was cut short.",
+            remedy="The copy is incomplete; copy or export the scan again.",
+            file=path,
+            row=row,
+            got=f"a face with a {longest(faces[-1:]):.3g} long edge and no line end after it",
+        )
+
+
+def _colours(
+    path: Path, rgb: NDArray[np.float32], coloured: int, vertices: int
+) -> tuple[NDArray[np.uint8] | None, list[Fault]]:
+    """Vertex colours as bytes: values up to 1 are fractions, otherwise they are bytes."""
+    if not coloured:
+        return None, []
+    faults = []
+    if coloured < vertices:
+        faults.append(
+            Fault(
+                "obj-partial-colours",
+                f"{vertices - coloured} of {vertices} vertices have no colour; "
+                "they are shown white.",
+                remedy="Export colours for every vertex, or for none.",
+                file=str(path),
+                severity="warning",
+            )
+        )
+    missing = ~np.isfinite(rgb)
+    scale = 255.0 if np.nanmax(rgb, initial=0.0) <= 1.0 else 1.0
+    scaled = np.where(missing, 255.0, np.rint(rgb * np.float32(scale)))
+    return np.clip(scaled, 0, 255).astype(np.uint8), faults
