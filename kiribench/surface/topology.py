@@ -1,0 +1,195 @@
+"""Which face lies across each edge, and which faces meet at each vertex."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from kiribench.errors import Fault, MeshError
+from kiribench.surface.mesh import IntArray, Mesh
+
+_REPEATED_VERTEX = 0
+_CROWDED_EDGE = 1
+_SAME_DIRECTION = 2
+
+
+@dataclass(frozen=True, eq=False)
+class Topology:
+    """The neighbourhood tables of an edge-manifold, consistently wound mesh.
+
+    Half-edge ``3 f + i`` runs from corner ``i`` to corner ``i + 1`` of face ``f``.
+
+    Attributes:
+        twins: (m, 3) int32, the half-edge that runs the other way in the neighbouring
+            face; -1 on a border.
+        corner_offsets: (n + 1,) int32; the corners at vertex ``v`` are
+            ``corners[corner_offsets[v] : corner_offsets[v + 1]]``.
+        corners: (3 m,) int32, corners as ``3 f + i``, grouped by vertex.
+    """
+
+    twins: IntArray
+    corner_offsets: IntArray
+    corners: IntArray
+
+    @cached_property
+    def neighbours(self) -> IntArray:
+        """(m, 3) int32, the face across edge ``i`` = (corner i, corner i + 1); -1 on a border."""
+        return np.where(self.twins < 0, np.int32(-1), self.twins // 3).astype(np.int32)
+
+    @cached_property
+    def components(self) -> IntArray:
+        """(m,) int32, a number a connected piece; faces that share a vertex are connected."""
+        from scipy.sparse import coo_array
+        from scipy.sparse.csgraph import connected_components
+
+        faces = len(self.twins)
+        vertices = len(self.corner_offsets) - 1
+        owner = np.repeat(np.arange(vertices), np.diff(self.corner_offsets))
+        graph = coo_array(
+            (np.ones(3 * faces, np.int8), (self.corners // 3, faces + owner)),
+            shape=(faces + vertices, faces + vertices),
+        )
+        return np.asarray(connected_components(graph, directed=False)[1][:faces], np.int32)
+
+
+def topology(mesh: Mesh) -> Topology:
+    """Pair the half-edges of ``mesh``.
+
+    Raises:
+        MeshError: an index is out of range, a vertex is not finite, a face repeats a vertex,
+            three faces share an edge, or two neighbours are wound against each other; remedy:
+            ``repair_mesh`` first.
+    """
+    faces = np.ascontiguousarray(mesh.faces, dtype=np.int32)
+    vertices = len(mesh.vertices_mm)
+    if len(faces) == 0:
+        raise MeshError(
+            "mesh-empty", "The mesh has no faces.", remedy="Give a scan that holds a surface."
+        )
+    if int(faces.min()) < 0 or int(faces.max()) >= vertices:
+        raise MeshError(
+            "mesh-index-range",
+            "A face names a vertex that does not exist.",
+            remedy="Export the scan again; the file is damaged.",
+            got=f"indices {int(faces.min())} to {int(faces.max())}",
+            expected=f"0 to {vertices - 1}",
+        )
+    used = mesh.vertices_mm
+    if not np.isfinite(used).all():
+        bad = np.flatnonzero(~np.isfinite(used).all(axis=1))
+        raise MeshError(
+            "mesh-nan-vertex",
+            f"{len(bad)} vertices have coordinates that are not finite, first vertex {bad[0]}.",
+            remedy="Repair the mesh first (repair_mesh drops them).",
+        )
+    twins, offsets, corners, counts, examples = _pair(faces, vertices)
+    if counts.any():
+        raise MeshError.of(_faults(counts, examples))
+    return Topology(twins, offsets, corners)
+
+
+def _faults(counts: NDArray[np.int64], examples: NDArray[np.int64]) -> list[Fault]:
+    meanings = {
+        _REPEATED_VERTEX: ("mesh-degenerate-face", "faces name the same vertex twice"),
+        _CROWDED_EDGE: ("mesh-nonmanifold-edge", "edges are shared by three or more faces"),
+        _SAME_DIRECTION: ("mesh-winding", "edges lie between faces wound against each other"),
+    }
+    return [
+        Fault(
+            code=code,
+            what=f"{counts[kind]} {what}, for example at face {examples[kind]}.",
+            remedy="Repair the mesh first (repair_mesh), or clean it in the scanner's software.",
+        )
+        for kind, (code, what) in meanings.items()
+        if counts[kind]
+    ]
+
+
+@njit(cache=True)
+def _pair(faces: IntArray, vertices: int) -> Any:
+    """Group corners by vertex (counting sort), then match half-edges within each vertex."""
+    m = faces.shape[0]
+    offsets = np.zeros(vertices + 1, np.int32)
+    for f in range(m):
+        for i in range(3):
+            offsets[faces[f, i] + 1] += 1
+    for v in range(vertices):
+        offsets[v + 1] += offsets[v]
+    corners = np.empty(3 * m, np.int32)
+    fill = offsets[:-1].copy()
+    for f in range(m):
+        for i in range(3):
+            v = faces[f, i]
+            corners[fill[v]] = 3 * f + i
+            fill[v] += 1
+    twins = np.full((m, 3), -1, np.int32)
+    counts = np.zeros(3, np.int64)
+    examples = np.full(3, -1, np.int64)
+    # At vertex v the half-edge that leaves for w (corner's own) pairs with the one that comes
+    # from w (the half-edge before another corner). A fan may be large: then sort, not compare.
+    for v in range(vertices):
+        begin, end = offsets[v], offsets[v + 1]
+        k = end - begin
+        if k == 0:
+            continue
+        leaves = np.empty(k, np.int64)
+        comes = np.empty(k, np.int64)
+        for j in range(k):
+            f, i = corners[begin + j] // 3, corners[begin + j] % 3
+            leaves[j] = np.int64(faces[f, (i + 1) % 3]) * k + j
+            comes[j] = np.int64(faces[f, (i + 2) % 3]) * k + j
+        if k > 12:
+            leaves.sort()
+            comes.sort()
+        else:
+            _insertion_sort(leaves)
+            _insertion_sort(comes)
+        a = b = 0
+        while a < k or b < k:
+            w = np.int64(1) << 62
+            if a < k:
+                w = leaves[a] // k
+            if b < k:
+                w = min(w, comes[b] // k)
+            a0, b0 = a, b
+            while a < k and leaves[a] // k == w:
+                a += 1
+            while b < k and comes[b] // k == w:
+                b += 1
+            out, back = a - a0, b - b0
+            if out > 0:
+                corner = corners[begin + leaves[a0] % k]
+            else:
+                corner = corners[begin + comes[b0] % k]
+            if w == v:
+                counts[_REPEATED_VERTEX] += out
+                examples[_REPEATED_VERTEX] = corner // 3
+            elif out + back > 2:
+                if v < w:
+                    counts[_CROWDED_EDGE] += 1
+                    examples[_CROWDED_EDGE] = corner // 3
+            elif out == 2 or back == 2:
+                if v < w:
+                    counts[_SAME_DIRECTION] += 1
+                    examples[_SAME_DIRECTION] = corner // 3
+            elif out == 1 and back == 1:
+                other = corners[begin + comes[b0] % k]
+                g, i = other // 3, other % 3
+                twins[corner // 3, corner % 3] = 3 * g + (i + 2) % 3
+    return twins, offsets, corners, counts, examples
+
+
+@njit(cache=True)
+def _insertion_sort(values: NDArray[np.int64]) -> None:
+    for i in range(1, len(values)):
+        value = values[i]
+        j = i - 1
+        while j >= 0 and values[j] > value:
+            values[j + 1] = values[j]
+            j -= 1
+        values[j + 1] = value
