@@ -51,6 +51,14 @@ def _triangle_intersection(t: FloatArray, u: FloatArray) -> float:
 
 
 @njit(cache=True)
+def _triangle_area(t: FloatArray) -> float:
+    """Area of a counter-clockwise triangle."""
+    ax, ay = t[1, 0] - t[0, 0], t[1, 1] - t[0, 1]
+    bx, by = t[2, 0] - t[0, 0], t[2, 1] - t[0, 1]
+    return float(0.5 * (ax * by - ay * bx))
+
+
+@njit(cache=True)
 def _signed_triangle(quad: FloatArray, half: int, out: FloatArray) -> float:
     """Triangle (0, 1, 2) or (0, 2, 3) of a quad made counter-clockwise; its sign."""
     second = 1 if half == 0 else 2
@@ -92,13 +100,13 @@ def quad_areas(skin: FloatArray, patch: FloatArray) -> FloatArray:
         both = 0.0
         for a in range(2):
             sign_t = _signed_triangle(skin[i], a, t)
-            area_s += sign_t * _triangle_intersection(t, t)
+            area_s += sign_t * _triangle_area(t)
             for b in range(2):
                 sign_u = _signed_triangle(patch[i], b, u)
                 both += sign_t * sign_u * _triangle_intersection(t, u)
         for b in range(2):
             sign_u = _signed_triangle(patch[i], b, u)
-            area_k += sign_u * _triangle_intersection(u, u)
+            area_k += sign_u * _triangle_area(u)
         orientation = 1.0 if area_s * area_k >= 0.0 else -1.0
         out[i, 0] = abs(area_s)
         out[i, 1] = abs(area_k)

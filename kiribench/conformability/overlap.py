@@ -74,6 +74,5 @@ def simple(outline: FloatArray) -> NDArray[np.bool_]:
     finite = np.asarray(np.isfinite(outline).all(axis=(-1, -2)))
     safe = np.where(finite[..., None, None], outline, 0.0)
     polygons = shapely.polygons(safe)
-    return (
-        finite & np.asarray(shapely.is_valid(polygons)) & (np.asarray(shapely.area(polygons)) > 0)
-    )
+    valid = np.asarray(shapely.is_valid(polygons)) & (np.asarray(shapely.area(polygons)) > 0.0)
+    return np.asarray(finite & valid)
