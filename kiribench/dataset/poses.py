@@ -31,12 +31,19 @@ OUTLIER_FACTOR = 3.0
 BULGE_MIN = 0.03
 """Least mean bulge over chord length of the grid's rows that shows the convex side."""
 
+JOINT_DEG = 20.0
+"""A grid bent less than this from end to end lies on no flexed joint."""
+
 BEND_SWAP_DEG = 30.0
 """The reference pose bends at least this much more than the flexed one: swapped."""
 
 
 def table_faults(nodes: NodesTable, acquisition: str, pitch_mm: float, file: str) -> list[Fault]:
-    """Faults of one table's geometry: ``nodes-spacing``, ``nodes-coincident``, ``nodes-outlier``."""
+    """Faults of one table's geometry.
+
+    Codes: ``nodes-isolated``, ``nodes-spacing``, ``nodes-coincident``, and the warnings
+    ``nodes-pitch`` and ``nodes-outlier``.
+    """
     grid = nodes.grid_xyz_mm()
     edges = np.concatenate([_lengths(grid, 0).ravel(), _lengths(grid, 1).ravel()])
     edges = edges[np.isfinite(edges)]
@@ -102,9 +109,7 @@ def _coincident(nodes: NodesTable, pitch_mm: float, file: str) -> list[Fault]:
     return [
         Fault(
             "nodes-coincident",
-            f"{labels[seen[b]].capitalize()} lies where {labels[seen[a]]} lies.".replace(
-                "Node (", "Node ("
-            ),
+            f"The {labels[seen[b]]} lies where {labels[seen[a]]} lies.",
             "Correct the position of one of them, or set its status to missing.",
             file=file,
             row=int(nodes.line[seen[b]]),
@@ -203,32 +208,23 @@ def bend_deg(grid: FloatArray) -> float | None:
 def pose_faults(
     tables: Mapping[str, NodesTable], side: Side | None, layout: Layout, folder: Folder
 ) -> list[Fault]:
-    """``grid-mirrored`` of each pose, and ``poses-swapped``."""
-    faults = []
-    for table in tables.values():
-        shape = handedness(table.grid_xyz_mm())
-        expected = {"right": 1.0, "left": -1.0}.get(side or "", 0.0)
-        if expected and shape.decisive and np.sign(shape.bulge) != expected:
-            faults.append(
-                Fault(
-                    "grid-mirrored",
-                    f"The grid is mirrored: on a {side} limb with column 0 lateral and row 0 "
-                    "proximal, the nodes must bulge to the other side.",
-                    "Check Side; else count the columns from the lateral (outer) edge and the "
-                    "rows from the top; else the scan itself is mirrored: export it again.",
-                    file=folder.name(table.file),
-                    column="col",
-                    got=f"a grid as on a {'left' if side == 'right' else 'right'} limb",
-                    expected=f"a {side} limb",
-                )
-            )
-    bends = {
-        name: bend_deg(tables[name].grid_xyz_mm())
-        for name in ("flex000", "flex090")
-        if name in tables
-    }
+    """Faults that only the poses together show.
+
+    Codes: ``poses-swapped``, ``grid-mirrored`` (a warning on an object that no pose bends,
+    for there left and right have no meaning), and the warning ``pose-not-flexed``.
+    """
+    grids = {name: table.grid_xyz_mm() for name, table in tables.items()}
+    bends = {name: bend_deg(grid) for name, grid in grids.items()}
+    jointed = any(bend is not None and bend >= JOINT_DEG for bend in bends.values())
+    faults = [
+        _mirrored(side or "", jointed, folder.name(tables[name].file))
+        for name, grid in grids.items()
+        if _is_mirrored(handedness(grid), side)
+    ]
     straight, flexed = bends.get("flex000"), bends.get("flex090")
-    if straight is not None and flexed is not None and straight > flexed + BEND_SWAP_DEG:
+    if straight is None or flexed is None:
+        return faults
+    if straight > flexed + BEND_SWAP_DEG:
         faults.append(
             Fault(
                 "poses-swapped",
@@ -236,7 +232,43 @@ def pose_faults(
                 "Swap the files of flex000 and flex090 back.",
                 file=folder.name(tables["flex000"].file),
                 got=f"bent by {straight:.0f} degrees, flex090 by {flexed:.0f}",
-                expected=f"less than flex090 (body part {layout.body_part})",
+                expected="less than flex090",
+            )
+        )
+    elif flexed < straight + JOINT_DEG:
+        faults.append(
+            Fault(
+                "pose-not-flexed",
+                f"The grid of flex090 is hardly bent more than that of flex000: this is no "
+                f"{layout.body_part} at 90 degrees.",
+                "Check that the two scans are not of the same pose; for a test object that does "
+                "not bend, go on.",
+                file=folder.name(tables["flex090"].file),
+                got=f"bent by {flexed:.0f} degrees, flex000 by {straight:.0f}",
+                expected=f"at least {JOINT_DEG:.0f} degrees more",
+                severity="warning",
             )
         )
     return faults
+
+
+def _is_mirrored(shape: Handedness, side: Side | None) -> bool:
+    expected = {"right": 1.0, "left": -1.0}.get(side or "", 0.0)
+    return bool(expected and shape.decisive and np.sign(shape.bulge) != expected)
+
+
+def _mirrored(side: str, jointed: bool, file: str) -> Fault:
+    return Fault(
+        "grid-mirrored",
+        f"The grid is mirrored: on a {side} limb with column 0 lateral and row 0 proximal, the "
+        "nodes must bulge to the other side."
+        + ("" if jointed else " The object does not bend in any pose, so this may be meant."),
+        "Check Side; else count the columns from the lateral (outer) edge and the rows from the "
+        "top; else the scan itself is mirrored: export it again. For a body part that is not one "
+        "of a pair, write Side none.",
+        file=file,
+        column="col",
+        got=f"a grid as on a {'left' if side == 'right' else 'right'} limb",
+        expected=f"a {side} limb",
+        severity="error" if jointed else "warning",
+    )

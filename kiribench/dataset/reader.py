@@ -17,7 +17,8 @@ from kiribench.schema.layout import (
     Layout,
     LayoutMetadata,
 )
-from kiribench.schema.nodes import NodesTable, parse_nodes
+from kiribench.schema.nodes import NodesTable
+from kiribench.schema.nodes_parse import parse_nodes
 from kiribench.schema.sidecars import NodesSidecar, ScanSidecar, Side
 from kiribench.schema.strict_json import parse_json, parse_model
 from kiribench.schema.tsv import parse_tsv

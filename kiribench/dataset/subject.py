@@ -120,6 +120,7 @@ class Subject:
         return nodes
 
     def missing(self, acquisition: str) -> Fault:
+        """The fault that says that ``acquisition`` is not there."""
         if acquisition not in ACQUISITIONS:
             raise ValueError(f"acquisition must be one of {ACQUISITIONS}, not {acquisition!r}")
         return Fault(

@@ -211,7 +211,6 @@ def parse_model(
         if key not in known and key.lower() in lower
     ]
     try:
-        # JSON mode: strict types, but lists may become tuples.
         return model.model_validate(value), tuple(faults)
     except ValidationError as error:
         for entry in error.errors(include_url=False, include_context=False):
