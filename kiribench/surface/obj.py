@@ -75,18 +75,37 @@ def read_obj(path: Path, *, block_bytes: int = BLOCK_BYTES) -> ObjContent:
     from kiribench.surface import obj_kernels as kernels
 
     regular_file(path)
+    lines = _count_lines(path)
+    # Pages of these arrays that are never written to take no memory.
+    xyz = np.empty((lines, 3))
+    rgb = np.empty((lines, 3), dtype=np.float32)
+    uv = np.empty((lines, 2))
+    faces = np.empty((lines, 3), dtype=np.int32)
+    face_uv = np.empty((lines, 3), dtype=np.int32)
     state = np.zeros(kernels.STATE_SIZE, dtype=np.int64)
+    state[[kernels.FORWARD, kernels.FORWARD_UV]] = -1
     names = _Names()
     ends_in_newline = True
     for block, size in _blocks(path, block_bytes):
-        kernels.count(block, size, state)
+        start = 0
+        state[kernels.NAMES] = 0
+        while True:
+            start = kernels.parse(block, start, size, state, xyz, rgb, uv, faces, face_uv)
+            if state[kernels.ERROR] != kernels.FULL:
+                break
+            state[kernels.ERROR] = kernels.OK
+            if max(int(state[kernels.VERTICES]), int(state[kernels.UVS])) >= lines:
+                raise _changed(path)
+            # More triangles than lines: polygons. (resize moves pages, it does not copy.)
+            faces.resize((2 * len(faces) + size, 3), refcheck=False)
+            face_uv.resize(faces.shape, refcheck=False)
         _raise_if_failed(path, state, block, size)
-        names.collect(block, size)
+        if state[kernels.NAMES]:
+            names.collect(block, size)
         ends_in_newline = bool(block[size - 1] in (10, 13))
     vertices, uvs, triangles = (
         int(state[slot]) for slot in (kernels.VERTICES, kernels.UVS, kernels.TRIANGLES)
     )
-    coloured = int(state[kernels.COLOURED])
     if vertices == 0:
         raise MeshError(
             "obj-no-vertices",
@@ -94,15 +113,6 @@ def read_obj(path: Path, *, block_bytes: int = BLOCK_BYTES) -> ObjContent:
             remedy="Export the scan again as a triangle mesh in OBJ format.",
             file=path,
         )
-    xyz = np.empty((vertices, 3))
-    rgb = np.full((vertices if coloured else 0, 3), np.nan, dtype=np.float32)
-    uv = np.empty((uvs, 2))
-    faces = np.empty((triangles, 3), dtype=np.int32)
-    face_uv = np.empty((triangles if uvs else 0, 3), dtype=np.int32)
-    state[:] = 0
-    for block, size in _blocks(path, block_bytes):
-        kernels.parse(block, size, state, xyz, rgb, uv, faces, face_uv)
-        _raise_if_failed(path, state, block, size)
     if triangles == 0:
         raise MeshError(
             "obj-no-faces",
@@ -110,14 +120,20 @@ def read_obj(path: Path, *, block_bytes: int = BLOCK_BYTES) -> ObjContent:
             remedy="Export the scan as a mesh, not as a point cloud; or the file was cut off.",
             file=path,
         )
-    if int(state[kernels.TRIANGLES]) != triangles or int(state[kernels.VERTICES]) != vertices:
-        raise MeshError(
-            "obj-changed",
-            "The file changed while it was being read.",
-            remedy="Wait until it is written completely, then read it again.",
-            file=path,
-        )
-    if not ends_in_newline and int(state[kernels.ITEMS]) == ord("f"):
+    for largest, line, count, what in (
+        (kernels.FORWARD, kernels.FORWARD_LINE, vertices, "vertices"),
+        (kernels.FORWARD_UV, kernels.FORWARD_UV_LINE, uvs, "texture coordinates"),
+    ):
+        if state[largest] >= count:
+            raise _out_of_range(path, int(state[line]), str(state[largest] + 1), count, what)
+    xyz.resize((vertices, 3), refcheck=False)
+    uv.resize((uvs, 2), refcheck=False)
+    faces.resize((triangles, 3), refcheck=False)
+    face_uv.resize((triangles, 3), refcheck=False)
+    coloured = int(state[kernels.COLOURED])
+    rgb.resize((vertices if coloured else 0, 3), refcheck=False)
+    rgb[: int(state[kernels.FIRST_COLOURED])] = np.nan
+    if not ends_in_newline and int(state[kernels.LAST_ITEM]) == ord("f"):
         _refuse_cut_last_face(path, xyz, faces, int(state[kernels.FACE_LINE]))
     faults: list[Fault] = []
     texture, texture_faults = texture_of(path, names.libraries, names.materials)
@@ -130,8 +146,7 @@ def read_obj(path: Path, *, block_bytes: int = BLOCK_BYTES) -> ObjContent:
         faults.append(
             Fault(
                 "obj-partial-uv",
-                f"{bare} of {triangles} triangles have no texture coordinates; "
-                "they get (0, 0).",
+                f"{bare} of {triangles} triangles have no texture coordinates; they get (0, 0).",
                 remedy="Export the scan with texture coordinates on every face.",
                 file=str(path),
                 severity="warning",
@@ -150,9 +165,32 @@ def read_obj(path: Path, *, block_bytes: int = BLOCK_BYTES) -> ObjContent:
     )
 
 
+def _changed(path: Path) -> MeshError:
+    return MeshError(
+        "obj-changed",
+        "The file changed while it was being read.",
+        remedy="Wait until it is written completely, then read it again.",
+        file=path,
+    )
+
+
+def _count_lines(path: Path) -> int:
+    """An upper bound on the number of text lines: the line ends of either kind, and one."""
+    buffer = np.empty(1 << 20, dtype=np.uint8)
+    lines = 1
+    with path.open("rb", buffering=0) as stream:
+        while got := stream.readinto(buffer.data):
+            lines += int(np.count_nonzero(buffer[:got] == 10))
+            lines += int(np.count_nonzero(buffer[:got] == 13))
+    return lines
+
+
 def _blocks(path: Path, block_bytes: int) -> Iterator[tuple[NDArray[np.uint8], int]]:
-    """The file as runs of whole lines in one reused buffer: (buffer, length)."""
-    buffer = np.empty(block_bytes, dtype=np.uint8)
+    """The file as runs of whole lines in one reused buffer, padded: (buffer, length)."""
+    from kiribench.surface.obj_kernels import PADDING
+
+    storage = np.full(block_bytes + PADDING, 10, dtype=np.uint8)
+    buffer = storage[:block_bytes]
     kept = 0
     first = True
     with path.open("rb", buffering=0) as stream:
@@ -166,7 +204,8 @@ def _blocks(path: Path, block_bytes: int) -> Iterator[tuple[NDArray[np.uint8], i
                 first = False
             if got == 0:
                 if size:
-                    yield buffer, size
+                    buffer[size:] = 10
+                    yield storage, size
                 return
             cut = _last_whole_line(buffer, size)
             if cut == 0:
@@ -180,10 +219,12 @@ def _blocks(path: Path, block_bytes: int) -> Iterator[tuple[NDArray[np.uint8], i
                         remedy="This is no OBJ text file; export the scan again.",
                         file=path,
                     )
-                buffer = np.concatenate([buffer, np.empty_like(buffer)])
+                larger = np.full(2 * len(buffer) + PADDING, 10, dtype=np.uint8)
+                larger[:size] = buffer
+                storage, buffer = larger, larger[:-PADDING]
                 kept = size
                 continue
-            yield buffer, cut
+            yield storage, cut
             rest = buffer[cut:size].copy()
             buffer[: len(rest)] = rest
             kept = len(rest)
@@ -257,11 +298,8 @@ def _raise_if_failed(
     at = int(state[kernels.ERROR_AT])
     token = bytes(block[at : min(at + 24, size)]).split(maxsplit=1)
     got = repr(token[0].decode("utf-8", errors="replace")) if token else "the line's end"
-    counts = {
-        "vertices": int(state[kernels.VERTICES]),
-        "texture coordinates": int(state[kernels.UVS]),
-    }
-    held = ", ".join(f"{number} {name}" for name, number in counts.items())
+    if code == kernels.OUT_OF_RANGE:
+        raise _out_of_range(path, row, got, int(state[kernels.VERTICES]), "vertices")
     name, what, expected, remedy = {
         kernels.BAD_NUMBER: (
             "obj-bad-number",
@@ -280,12 +318,6 @@ def _raise_if_failed(
             "This is no corner of a face.",
             "v, v/vt, v//vn or v/vt/vn with whole numbers",
             "The file is damaged here; export it again.",
-        ),
-        kernels.OUT_OF_RANGE: (
-            "obj-index-range",
-            f"The face names a vertex that does not exist (up to this line: {held}).",
-            "1 to the number of vertices, or negative to count backwards",
-            "The file is damaged or cut off; export it again.",
         ),
         kernels.FEW_CORNERS: (
             "obj-few-corners",
@@ -307,6 +339,18 @@ def _raise_if_failed(
         ),
     }[code]
     raise MeshError(name, what, remedy=remedy, file=path, row=row, got=got, expected=expected)
+
+
+def _out_of_range(path: Path, row: int, got: str, count: int, what: str) -> MeshError:
+    return MeshError(
+        "obj-index-range",
+        "The face names a vertex or a texture coordinate that does not exist.",
+        remedy="The file is damaged or cut off; export it again.",
+        file=path,
+        row=row,
+        got=got,
+        expected=f"1 to {count} ({what}), or negative to count backwards",
+    )
 
 
 def _refuse_cut_last_face(path: Path, xyz: FloatArray, faces: IntArray, row: int) -> None:

@@ -1,7 +1,9 @@
-"""The compiled inner loops of the OBJ reader: count, then parse, one block of bytes at a time.
+"""The compiled inner loop of the OBJ reader: parse one block of whole lines.
 
-A block is a run of whole lines. Both loops keep their running totals in a small ``state``
-array, so that a file of any size passes through one buffer of fixed size.
+The running totals live in a small ``state`` array, so that a file of any size passes through
+one buffer. Every block is followed by ``PADDING`` line ends, which spares the loops a test for
+the block's end at every byte. Positions are unsigned, which spares numba its test for
+negative indices.
 """
 
 from __future__ import annotations
@@ -12,10 +14,27 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-# Slots of the state array shared by both loops.
-VERTICES, UVS, TRIANGLES, COLOURED, BARE, LINE, ERROR, ERROR_LINE, ERROR_AT, ITEMS = range(10)
-FACE_LINE = 10
-STATE_SIZE = 11
+# Slots of the state array.
+(
+    VERTICES,
+    UVS,
+    TRIANGLES,
+    COLOURED,
+    FIRST_COLOURED,
+    BARE,
+    LINE,
+    ERROR,
+    ERROR_LINE,
+    ERROR_AT,
+    LAST_ITEM,
+    FACE_LINE,
+    NAMES,
+    FORWARD,
+    FORWARD_LINE,
+    FORWARD_UV,
+    FORWARD_UV_LINE,
+    STATE_SIZE,
+) = range(18)
 
 # Values of state[ERROR].
 (
@@ -27,7 +46,10 @@ STATE_SIZE = 11
     FEW_CORNERS,
     MIXED_CORNERS,
     BINARY,
-) = range(8)
+    FULL,
+) = range(9)
+
+PADDING = 64
 
 _EXACT = 40  # powers of ten kept as an unevaluated sum of two doubles
 
@@ -42,57 +64,66 @@ def _powers_of_ten() -> NDArray[np.float64]:
 
 
 _TEN = _powers_of_ten()
+_1 = np.uint64(1)
+_2 = np.uint64(2)
+_3 = np.uint64(3)
+_10 = np.uint64(10)
+_DIGIT = np.uint64(48)
+_MANTISSA = np.uint64(1 << 53)
+_LARGEST = 1 << 40
 
 
-@njit(cache=True, inline="always")
-def _blank_end(buffer, at, size):  # type: ignore[no-untyped-def]
-    """First position at or after ``at`` that is no blank; a continued line end is a blank."""
-    while at < size:
+@njit(cache=True)
+def _blank_end(buffer, at):  # type: ignore[no-untyped-def]
+    """First position from ``at`` on that is no blank; a continued line end is a blank."""
+    while True:
         byte = buffer[at]
         if byte == 32 or byte == 9:
-            at += 1
-        elif byte == 92 and at + 1 < size and buffer[at + 1] == 10:
-            at += 2
-        elif byte == 92 and at + 2 < size and buffer[at + 1] == 13 and buffer[at + 2] == 10:
-            at += 3
+            at += _1
+        elif byte != 92:
+            return at
+        elif buffer[at + _1] == 10:
+            at += _2
+        elif buffer[at + _1] == 13 and buffer[at + _2] == 10:
+            at += _3
         else:
-            break
-    return at
+            return at
 
 
-@njit(cache=True, inline="always")
-def _ends_line(buffer, at, size):  # type: ignore[no-untyped-def]
-    """Whether a line's content ends here: its end, the block's end or a comment."""
-    return at >= size or buffer[at] == 10 or buffer[at] == 13 or buffer[at] == 35
+@njit(cache=True)
+def _ends_line(byte):  # type: ignore[no-untyped-def]
+    """Whether a line's content ends at this byte: a line end or a comment."""
+    return byte == 10 or byte == 13 or byte == 35
 
 
-@njit(cache=True, inline="always")
-def _ends_token(buffer, at, size):  # type: ignore[no-untyped-def]
-    if at >= size:
-        return True
-    byte = buffer[at]
-    return byte == 32 or byte == 9 or byte == 10 or byte == 13 or byte == 35 or byte == 92
+@njit(cache=True)
+def _ends_token(byte):  # type: ignore[no-untyped-def]
+    # Blanks, line ends and comments, and also control characters, '!' and '"', which then
+    # fail as the start of a token.
+    return byte <= 35 or byte == 92
 
 
 @njit(cache=True)
 def _line_end(buffer, at, size):  # type: ignore[no-untyped-def]
-    """Position after the line's end and how many text lines that was (continuations)."""
+    """Position after the line's end, and how many text lines that was (continuations)."""
     lines = 0
-    while at < size:
+    while True:
         byte = buffer[at]
-        if byte == 10:
+        if byte > 13:
+            at += _1
+        elif byte == 10:
             lines += 1
-            continued = (at >= 1 and buffer[at - 1] == 92) or (
-                at >= 2 and buffer[at - 1] == 13 and buffer[at - 2] == 92
-            )
-            at += 1
+            at += _1
+            if at >= size:
+                return at, lines
+            continued = at >= _2 and buffer[at - _2] == 92
+            continued |= at >= _3 and buffer[at - _2] == 13 and buffer[at - _3] == 92
             if not continued:
                 return at, lines
-        elif byte == 13 and not (at + 1 < size and buffer[at + 1] == 10):
-            return at + 1, lines + 1
+        elif byte == 13 and buffer[at + _1] != 10:
+            return at + _1, lines + 1
         else:
-            at += 1
-    return at, lines + 1
+            at += _1
 
 
 @njit(cache=True)
@@ -103,14 +134,14 @@ def _scaled(mantissa, exponent):  # type: ignore[no-untyped-def]
     else the product is formed as an unevaluated sum of doubles (Dekker 1971,
     doi 10.1007/BF01397083).
     """
-    if mantissa == 0:
-        return 0.0
-    if mantissa < np.uint64(9007199254740992):
+    if mantissa < _MANTISSA:
         value = np.float64(mantissa)
-        if 0 <= exponent <= 22:
-            return value * _TEN[exponent + _EXACT, 0]
-        if -22 <= exponent < 0:
+        if -22 <= exponent <= 0:
             return value / _TEN[_EXACT - exponent, 0]
+        if 0 < exponent <= 22:
+            return value * _TEN[exponent + _EXACT, 0]
+        if mantissa == 0:
+            return 0.0
     if exponent < -_EXACT or exponent > _EXACT:
         value = np.float64(mantissa)
         while exponent > 300:
@@ -138,146 +169,121 @@ def _scaled(mantissa, exponent):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _word(buffer, at, size):  # type: ignore[no-untyped-def]
-    """``nan``, ``inf`` and the forms that C runtimes print; (value, end), end < 0 if none."""
-    if at + 2 >= size:
-        return 0.0, -1
-    a, b, c = buffer[at] | 32, buffer[at + 1] | 32, buffer[at + 2] | 32
+def _word(buffer, at):  # type: ignore[no-untyped-def]
+    """``nan``, ``inf``, ``1.#IND`` and their kin: (value, position after it, whether it is)."""
+    start = at
+    if buffer[at] == 49 and buffer[at + _1] == 46 and buffer[at + _2] == 35:
+        at += _3
+    a, b, c = buffer[at] | 32, buffer[at + _1] | 32, buffer[at + _2] | 32
     value = np.nan
     if a == 105 and b == 110 and c == 102:
         value = np.inf
-    elif not (a == 110 and b == 97 and c == 110):
-        return 0.0, -1
-    at += 3
-    while not _ends_token(buffer, at, size):
-        byte = buffer[at] | 32
-        # infinity, nan(ind), nan(snan)
-        if not (97 <= byte <= 122 or byte == 40 or byte == 41):
-            return 0.0, -1
-        at += 1
-    return value, at
+    elif not (a == 110 and b == 97 and c == 110) and start == at:
+        return 0.0, start, False
+    while not _ends_token(buffer[at]):
+        letter = buffer[at] | 32
+        # nan(ind), infinity, 1.#QNAN, 1.#INF00
+        if not (97 <= letter <= 122 or letter == 40 or letter == 41 or letter == 48):
+            return 0.0, start, False
+        at += _1
+    return value, at, True
 
 
 @njit(cache=True)
-def _number(buffer, at, size):  # type: ignore[no-untyped-def]
-    """The number at ``at``: (value, position after it), position -1 if malformed."""
-    negative = False
-    if buffer[at] == 45 or buffer[at] == 43:
-        negative = buffer[at] == 45
-        at += 1
+def _long_digits(buffer, at):  # type: ignore[no-untyped-def]
+    """A run of digits (and a point) of any length: 19 figures, exponent, position after it."""
     mantissa = np.uint64(0)
-    digits = 0
+    figures = 0
     exponent = 0
-    seen = False
-    while at < size and 48 <= buffer[at] <= 57:
-        seen = True
-        if digits < 19:
-            mantissa = mantissa * np.uint64(10) + np.uint64(buffer[at] - 48)
-            if mantissa > 0:
-                digits += 1
-        else:
-            exponent += 1
-        at += 1
-    if at < size and buffer[at] == 46:
-        at += 1
-        if seen and at < size and buffer[at] == 35:  # 1.#QNAN, -1.#IND, 1.#INF
-            infinite = (
-                at + 3 < size and (buffer[at + 2] | 32) == 110 and (buffer[at + 3] | 32) == 102
-            )
-            while at < size and not (
-                buffer[at] == 32 or buffer[at] == 9 or buffer[at] == 10 or buffer[at] == 13
-            ):
-                at += 1
-            if infinite:
-                return (-np.inf if negative else np.inf), at
-            return np.nan, at
-        while at < size and 48 <= buffer[at] <= 57:
-            seen = True
-            if digits < 19:
-                mantissa = mantissa * np.uint64(10) + np.uint64(buffer[at] - 48)
+    point = False
+    while True:
+        byte = buffer[at]
+        if byte == 46 and not point:
+            point = True
+        elif 48 <= byte <= 57:
+            if figures < 19:
+                mantissa = mantissa * _10 + (np.uint64(byte) - _DIGIT)
                 if mantissa > 0:
-                    digits += 1
-                exponent -= 1
-            at += 1
-    if not seen:
-        value, end = _word(buffer, at, size)
-        return (-value if negative else value), end
-    if at < size and (buffer[at] | 32) == 101:
-        at += 1
-        down = False
-        if at < size and (buffer[at] == 45 or buffer[at] == 43):
-            down = buffer[at] == 45
-            at += 1
-        power = 0
-        start = at
-        while at < size and 48 <= buffer[at] <= 57:
-            if power < 100000:
-                power = power * 10 + (buffer[at] - 48)
-            at += 1
-        if at == start:
-            return 0.0, -1
-        exponent += -power if down else power
-    if not _ends_token(buffer, at, size):
-        return 0.0, -1
-    value = _scaled(mantissa, max(min(exponent, 5000), -5000))
-    return (-value if negative else value), at
+                    figures += 1
+                if point:
+                    exponent -= 1
+            elif not point:
+                exponent += 1
+        else:
+            return mantissa, exponent, at
+        at += _1
 
 
 @njit(cache=True)
-def _index(buffer, at, size):  # type: ignore[no-untyped-def]
+def _number(buffer, at):  # type: ignore[no-untyped-def]
+    """The number at ``at``: (value, position after it, whether it is one)."""
+    start = at
+    negative = buffer[at] == 45
+    if negative or buffer[at] == 43:
+        at += _1
+    first = at
+    mantissa = np.uint64(0)
+    digit = np.uint64(buffer[at]) - _DIGIT
+    while digit < _10:
+        mantissa = mantissa * _10 + digit
+        at += _1
+        digit = np.uint64(buffer[at]) - _DIGIT
+    figures = at - first
+    exponent = 0
+    if buffer[at] == 46:
+        at += _1
+        point = at
+        digit = np.uint64(buffer[at]) - _DIGIT
+        while digit < _10:
+            mantissa = mantissa * _10 + digit
+            at += _1
+            digit = np.uint64(buffer[at]) - _DIGIT
+        exponent = -np.int64(at - point)
+        figures += at - point
+    if figures == 0 or (buffer[at] == 35 and buffer[at - _1] == 46):
+        value, at, good = _word(buffer, first)
+        return (-value if negative else value), at, good
+    if figures > 19:
+        mantissa, exponent, at = _long_digits(buffer, first)
+    if buffer[at] | 32 == 101:
+        at += _1
+        down = buffer[at] == 45
+        if down or buffer[at] == 43:
+            at += _1
+        power = 0
+        before = at
+        while 48 <= buffer[at] <= 57:
+            if power < 100000:
+                power = power * 10 + np.int64(buffer[at]) - 48
+            at += _1
+        if at == before:
+            return 0.0, start, False
+        exponent += -power if down else power
+    if not _ends_token(buffer[at]):
+        return 0.0, start, False
+    value = _scaled(mantissa, max(min(exponent, 5000), -5000))
+    return (-value if negative else value), at, True
+
+
+@njit(cache=True)
+def _index(buffer, at):  # type: ignore[no-untyped-def]
     """The integer at ``at``: (value, position after it); the position is ``at`` if none."""
     start = at
-    negative = False
-    if at < size and (buffer[at] == 45 or buffer[at] == 43):
-        negative = buffer[at] == 45
-        at += 1
+    negative = buffer[at] == 45
+    if negative or buffer[at] == 43:
+        at += _1
     first = at
     value = 0
-    while at < size and 48 <= buffer[at] <= 57:
-        if value < 1000000000000:
-            value = value * 10 + (buffer[at] - 48)
-        at += 1
+    digit = np.uint64(buffer[at]) - _DIGIT
+    while digit < _10:
+        value = value * 10 + np.int64(digit)
+        at += _1
+        digit = np.uint64(buffer[at]) - _DIGIT
     if at == first:
         return 0, start
+    if at - first > _10:
+        value = _LARGEST
     return (-value if negative else value), at
-
-
-@njit(cache=True)
-def count(buffer, size, state):  # type: ignore[no-untyped-def]
-    """Add the block's vertices, texture coordinates and triangles to ``state``."""
-    at = 0
-    while at < size:
-        at = _blank_end(buffer, at, size)
-        if at >= size:
-            break
-        byte = buffer[at]
-        following = buffer[at + 1] if at + 1 < size else 10
-        blank = following == 32 or following == 9 or following == 92
-        if byte == 0:
-            state[ERROR] = BINARY
-            state[ERROR_LINE] = state[LINE] + 1
-            return
-        if (byte == 118 or byte == 102) and blank:
-            at += 1
-            tokens = 0
-            while True:
-                at = _blank_end(buffer, at, size)
-                if _ends_line(buffer, at, size):
-                    break
-                tokens += 1
-                at += 1
-                while not _ends_token(buffer, at, size):
-                    at += 1
-            if byte == 102:
-                state[TRIANGLES] += max(tokens - 2, 0)
-            else:
-                state[VERTICES] += 1
-                if tokens >= 6:
-                    state[COLOURED] += 1
-        elif byte == 118 and following == 116:
-            state[UVS] += 1
-        at, lines = _line_end(buffer, at, size)
-        state[LINE] += lines
 
 
 @njit(cache=True)
@@ -289,120 +295,147 @@ def _fail(state, code, line, at):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def parse(  # type: ignore[no-untyped-def]
-    buffer, size, state, vertices, colours, uvs, faces, face_uvs
+    buffer, start, stop, state, vertices, colours, uvs, faces, face_uvs
 ):
-    """Parse the block into the arrays, from the totals in ``state`` onwards.
+    """Parse the lines in ``buffer[start:stop]`` into the arrays, from ``state`` onwards.
 
-    vertices (n, 3) float64; colours (n or 0, 3) float32, left as they are where a vertex has
-    none; uvs (k, 2) float64; faces (m, 3) int32; face_uvs (m or 0, 3) int32, -1 where none.
+    vertices (n, 3) float64; colours (n, 3) float32, NaN where a vertex has none, untouched
+    before the first that has one; uvs (k, 2) float64; faces (m, 3) int32; face_uvs (m, 3)
+    int32, -1 where none. An index may name what follows later in the file: the largest such
+    is left in ``state``. Returns the position reached; ``state[ERROR]`` is FULL if that is
+    short of ``stop`` because a line's content had no room.
     """
-    has_colours = len(colours) > 0
-    has_uvs = len(face_uvs) > 0
+    at = np.uint64(start)
+    size = np.uint64(stop)
     values = np.zeros(8)
-    at = 0
-    while at < size:
-        at = _blank_end(buffer, at, size)
+    while True:
+        at = _blank_end(buffer, at)
         if at >= size:
-            break
+            return at
         line = state[LINE] + 1
+        line_start = at
         byte = buffer[at]
-        following = buffer[at + 1] if at + 1 < size else 10
-        blank = following == 32 or following == 9 or following == 92 or following == 10
-        blank = blank or following == 13
+        following = buffer[at + _1]
+        blank = following <= 32 or following == 92
         texture = byte == 118 and following == 116
         if (byte == 118 and blank) or texture:
-            at += 2 if texture else 1
+            at += _2 if texture else _1
             found = 0
             while True:
-                at = _blank_end(buffer, at, size)
-                if _ends_line(buffer, at, size):
+                at = _blank_end(buffer, at)
+                if _ends_line(buffer[at]):
                     break
-                value, end = _number(buffer, at, size)
-                if end < 0:
+                value, at, good = _number(buffer, at)
+                if not good:
                     _fail(state, BAD_NUMBER, line, at)
-                    return
+                    return at
                 if found < 8:
                     values[found] = value
                 found += 1
-                at = end
             if found < (1 if texture else 3):
                 _fail(state, FEW_COORDINATES, line, at)
-                return
+                return at
             if texture:
                 row = state[UVS]
+                if row >= len(uvs):
+                    _fail(state, FULL, line, line_start)
+                    return line_start
                 uvs[row, 0] = values[0]
                 uvs[row, 1] = values[1] if found > 1 else 0.0
-                state[UVS] += 1
+                state[UVS] = row + 1
             else:
                 row = state[VERTICES]
-                for axis in range(3):
-                    vertices[row, axis] = values[axis]
-                if has_colours and found >= 6:
-                    for axis in range(3):
-                        colours[row, axis] = values[3 + axis]
-                state[VERTICES] += 1
+                if row >= len(vertices):
+                    _fail(state, FULL, line, line_start)
+                    return line_start
+                vertices[row, 0] = values[0]
+                vertices[row, 1] = values[1]
+                vertices[row, 2] = values[2]
+                if found >= 6:
+                    if state[COLOURED] == 0:
+                        state[FIRST_COLOURED] = row
+                    state[COLOURED] += 1
+                    colours[row, 0] = values[3]
+                    colours[row, 1] = values[4]
+                    colours[row, 2] = values[5]
+                elif state[COLOURED] > 0:
+                    colours[row, :] = np.nan
+                state[VERTICES] = row + 1
+                state[LAST_ITEM] = byte
         elif byte == 102 and blank:
-            at += 1
+            at += _1
             corners = 0
             first = previous = first_uv = previous_uv = 0
             with_uv = False
-            state[FACE_LINE] = line
+            row = state[TRIANGLES]
+            count, uv_count = state[VERTICES], state[UVS]
             while True:
-                at = _blank_end(buffer, at, size)
-                if _ends_line(buffer, at, size):
+                at = _blank_end(buffer, at)
+                if _ends_line(buffer[at]):
                     break
-                start = at
-                vertex, at = _index(buffer, at, size)
-                if at == start:
-                    _fail(state, BAD_CORNER, line, start)
-                    return
+                before = at
+                vertex, at = _index(buffer, at)
+                if at == before:
+                    _fail(state, BAD_CORNER, line, before)
+                    return at
                 uv = 0
                 this_uv = False
-                if at < size and buffer[at] == 47:
-                    before = at + 1
-                    uv, at = _index(buffer, before, size)
-                    this_uv = at > before
-                    if at < size and buffer[at] == 47:
-                        before = at + 1
-                        _, at = _index(buffer, before, size)
-                if not _ends_token(buffer, at, size):
-                    _fail(state, BAD_CORNER, line, start)
-                    return
+                if buffer[at] == 47:
+                    slash = at + _1
+                    uv, at = _index(buffer, slash)
+                    this_uv = at > slash
+                    if buffer[at] == 47:
+                        at += _1
+                        _, at = _index(buffer, at)
+                if not _ends_token(buffer[at]):
+                    _fail(state, BAD_CORNER, line, before)
+                    return at
                 if corners > 0 and this_uv != with_uv:
-                    _fail(state, MIXED_CORNERS, line, start)
-                    return
+                    _fail(state, MIXED_CORNERS, line, before)
+                    return at
                 with_uv = this_uv
-                vertex = vertex - 1 if vertex > 0 else (
-                    state[VERTICES] + vertex if vertex < 0 else -1
-                )
-                if vertex < 0 or vertex >= len(vertices):
-                    _fail(state, OUT_OF_RANGE, line, start)
-                    return
+                vertex += count if vertex < 0 else -1
+                if vertex < 0 or vertex > 2147483646:
+                    _fail(state, OUT_OF_RANGE, line, before)
+                    return at
+                if vertex >= count and vertex > state[FORWARD]:
+                    state[FORWARD] = vertex
+                    state[FORWARD_LINE] = line
                 if this_uv:
-                    uv = uv - 1 if uv > 0 else (state[UVS] + uv if uv < 0 else -1)
-                    if uv < 0 or uv >= len(uvs):
-                        _fail(state, OUT_OF_RANGE, line, start)
-                        return
+                    uv += uv_count if uv < 0 else -1
+                    if uv < 0 or uv > 2147483646:
+                        _fail(state, OUT_OF_RANGE, line, before)
+                        return at
+                    if uv >= uv_count and uv > state[FORWARD_UV]:
+                        state[FORWARD_UV] = uv
+                        state[FORWARD_UV_LINE] = line
                 if corners == 0:
                     first, first_uv = vertex, uv
                 elif corners >= 2:
-                    row = state[TRIANGLES]
+                    if row >= len(faces):
+                        _fail(state, FULL, line, line_start)
+                        return line_start
                     faces[row, 0] = first
                     faces[row, 1] = previous
                     faces[row, 2] = vertex
-                    if has_uvs:
-                        face_uvs[row, 0] = first_uv if with_uv else -1
-                        face_uvs[row, 1] = previous_uv if with_uv else -1
-                        face_uvs[row, 2] = uv if with_uv else -1
-                    if not with_uv:
-                        state[BARE] += 1
-                    state[TRIANGLES] += 1
+                    face_uvs[row, 0] = first_uv if with_uv else -1
+                    face_uvs[row, 1] = previous_uv if with_uv else -1
+                    face_uvs[row, 2] = uv if with_uv else -1
+                    row += 1
                 previous, previous_uv = vertex, uv
                 corners += 1
             if corners < 3:
                 _fail(state, FEW_CORNERS, line, at)
-                return
-        if byte == 118 or byte == 102:
-            state[ITEMS] = byte
+                return at
+            if not with_uv:
+                state[BARE] += row - state[TRIANGLES]
+            state[TRIANGLES] = row
+            state[FACE_LINE] = line
+            state[LAST_ITEM] = byte
+        elif byte == 109 or byte == 117:  # mtllib, usemtl
+            state[NAMES] = 1
+        elif byte == 0:
+            _fail(state, BINARY, line, at)
+            return at
         at, lines = _line_end(buffer, at, size)
         state[LINE] += lines

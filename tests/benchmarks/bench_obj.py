@@ -67,17 +67,29 @@ def write_textured_obj(folder: Path, name: str, triangles: int) -> Path:
     faces = np.concatenate(
         [np.stack([a, b, c], -1).reshape(-1, 3), np.stack([a, c, d], -1).reshape(-1, 3)]
     )
-    faces = faces[np.argsort(faces[:, 0], kind="stable")] + 1
+    faces = faces[np.argsort(faces[:, 0], kind="stable")]
+    # The texture is an atlas of charts, as scanners write it: strips of 50 rows of faces, each
+    # with its own copy of the texture coordinates on the seam.
+    chart = faces.min(axis=1) // side // 50
+    corner_chart = np.repeat(chart, 3)
+    pairs, face_uv = np.unique(
+        corner_chart * (side * side) + faces.reshape(-1), return_inverse=True
+    )
+    pairs_vertex, pairs_chart = pairs % (side * side), pairs // (side * side)
+    uv = np.stack([s, t], -1).reshape(-1, 2)[pairs_vertex] * 0.98
+    uv[:, 0] += 0.02 * pairs_chart / max(chart.max(), 1)
+    faces, face_uv = faces + 1, face_uv.reshape(-1, 3) + 1
     Image.new("RGB", (64, 64), (200, 160, 140)).save(folder / f"{name}.png")
     (folder / f"{name}.mtl").write_text(f"newmtl skin\nKd 1 1 1\nmap_Kd {name}.png\n")
     path = folder / f"{name}.obj"
     with path.open("w") as out:
         out.write(f"# textured test scan\nmtllib {name}.mtl\n")
         np.savetxt(out, xyz, fmt="v %.6f %.6f %.6f")
-        np.savetxt(out, np.stack([s, t], -1).reshape(-1, 2), fmt="vt %.6f %.6f")
+        np.savetxt(out, uv, fmt="vt %.6f %.6f")
         np.savetxt(out, normal, fmt="vn %.4f %.4f %.4f")
         out.write("usemtl skin\n")
-        np.savetxt(out, np.repeat(faces, 3, axis=1), fmt="f %d/%d/%d %d/%d/%d %d/%d/%d")
+        corners = np.stack([faces, face_uv, faces], axis=-1).reshape(-1, 9)
+        np.savetxt(out, corners, fmt="f %d/%d/%d %d/%d/%d %d/%d/%d")
     return path
 
 
