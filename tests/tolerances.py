@@ -4,3 +4,15 @@ A tolerance is a statement about a method's error. It is never widened to make a
 """
 
 from __future__ import annotations
+
+# --- Strain and conformability ---------------------------------------------------------
+LINEAR_ALGEBRA = 1e-12
+"""Fraction: closed forms in double precision on numbers of order 1 to 10."""
+
+FIRST_ORDER_SD = 0.02
+"""Fraction of an sd, and difference of correlations: what second-order terms add at 0.25 mm
+on 15 mm cells, (sd / cell)^2 = 3e-4 times small factors, plus three sampling errors of the
+200 000 draws (0.2 %) on quantities whose curvature the shear enlarges tenfold."""
+
+FIELLER_COVERAGE = 0.0065
+"""Fraction: four sampling errors of a 95 % coverage counted in 20 000 draws."""

@@ -52,6 +52,22 @@ class LocatedNodes:
         seen = self.present
         return np.asarray(seen[:-1, :-1] & seen[:-1, 1:] & seen[1:, 1:] & seen[1:, :-1])
 
+    def window(self, row: int, column: int, shape: tuple[int, int]) -> LocatedNodes:
+        """The nodes of a part of the grid, ``shape`` nodes from (row, column) on."""
+        part = (slice(row, row + shape[0]), slice(column, column + shape[1]))
+        old = self.index[part]
+        kept = old[old >= 0]
+        index = np.full(old.shape, -1, dtype=np.int32)
+        index[old >= 0] = np.arange(len(kept), dtype=np.int32)
+        return LocatedNodes(
+            self.points[kept],
+            index,
+            self.sd_mm[part],
+            self.offset_mm[part],
+            self.positions_mm[part],
+            self.sd_source,
+        )
+
     def moved(self, mesh: Mesh) -> LocatedNodes:
         """The same material points on a mesh with the same faces (a denoised scan)."""
         positions = np.full_like(self.positions_mm, np.nan)
