@@ -11,20 +11,24 @@ from numba import njit
 from numpy.typing import NDArray
 
 from kiribench.errors import Fault, MeshError
-from kiribench.surface.mesh import IntArray, Mesh
+from kiribench.surface.mesh import FloatArray, IntArray, Mesh
 
 _REPEATED_VERTEX = 0
 _CROWDED_EDGE = 1
 _SAME_DIRECTION = 2
+_ZERO_EDGE = 3
 
 
 @dataclass(frozen=True, eq=False)
 class Topology:
-    """The neighbourhood tables of an edge-manifold, consistently wound mesh.
+    """The neighbourhood tables of an edge-manifold, orientable mesh.
 
-    Half-edge ``3 f + i`` runs from corner ``i`` to corner ``i + 1`` of face ``f``.
+    Half-edge ``3 f + i`` runs from corner ``i`` to corner ``i + 1`` of face ``f`` in ``faces``.
 
     Attributes:
+        faces: (m, 3) int32, the mesh's faces, all wound one way: where ``reversed_faces`` says
+            so, the second and third corner are swapped.
+        reversed_faces: (m,) bool; all False on a consistently wound mesh.
         twins: (m, 3) int32, the half-edge that runs the other way in the neighbouring
             face; -1 on a border.
         corner_offsets: (n + 1,) int32; the corners at vertex ``v`` are
@@ -32,14 +36,18 @@ class Topology:
         corners: (3 m,) int32, corners as ``3 f + i``, grouped by vertex.
     """
 
+    faces: IntArray
+    reversed_faces: NDArray[np.bool_]
     twins: IntArray
     corner_offsets: IntArray
     corners: IntArray
 
     @cached_property
     def neighbours(self) -> IntArray:
-        """(m, 3) int32, the face across edge ``i`` = (corner i, corner i + 1); -1 on a border."""
-        return np.where(self.twins < 0, np.int32(-1), self.twins // 3).astype(np.int32)
+        """(m, 3) int32, the face across edge (i, i + 1) of the mesh's face; -1 on a border."""
+        across = np.where(self.twins < 0, np.int32(-1), self.twins // 3).astype(np.int32)
+        across[self.reversed_faces] = across[self.reversed_faces][:, ::-1]
+        return across
 
     @cached_property
     def components(self) -> IntArray:
@@ -62,8 +70,9 @@ def topology(mesh: Mesh) -> Topology:
 
     Raises:
         MeshError: an index is out of range, a vertex is not finite, a face repeats a vertex,
-            three faces share an edge, or two neighbours are wound against each other; remedy:
-            ``repair_mesh`` first.
+            an edge has no length, three faces share an edge, or the surface has one side only
+            (a Moebius strip); remedy: ``repair_mesh`` first. Neighbours that are wound against
+            each other are turned here, in the tables only.
     """
     faces = np.ascontiguousarray(mesh.faces, dtype=np.int32)
     vertices = len(mesh.vertices_mm)
@@ -87,17 +96,24 @@ def topology(mesh: Mesh) -> Topology:
             f"{len(bad)} vertices have coordinates that are not finite, first vertex {bad[0]}.",
             remedy="Repair the mesh first (repair_mesh drops them).",
         )
-    twins, offsets, corners, counts, examples = _pair(faces, vertices)
+    xyz = np.ascontiguousarray(used, dtype=np.float64)
+    twins, offsets, corners, counts, examples = _pair(xyz, faces)
+    turned = np.zeros(len(faces), np.bool_)
+    if counts[_SAME_DIRECTION] and not np.delete(counts, _SAME_DIRECTION).any():
+        turned = _turns(faces, offsets, corners)
+        faces = np.where(turned[:, None], faces[:, [0, 2, 1]], faces)
+        twins, offsets, corners, counts, examples = _pair(xyz, faces)
     if counts.any():
         raise MeshError.of(_faults(counts, examples))
-    return Topology(twins, offsets, corners)
+    return Topology(faces, turned, twins, offsets, corners)
 
 
 def _faults(counts: NDArray[np.int64], examples: NDArray[np.int64]) -> list[Fault]:
     meanings = {
         _REPEATED_VERTEX: ("mesh-degenerate-face", "faces name the same vertex twice"),
+        _ZERO_EDGE: ("mesh-zero-edge", "edges have no length"),
         _CROWDED_EDGE: ("mesh-nonmanifold-edge", "edges are shared by three or more faces"),
-        _SAME_DIRECTION: ("mesh-winding", "edges lie between faces wound against each other"),
+        _SAME_DIRECTION: ("mesh-one-sided", "edges cannot be wound one way: the surface has one side"),
     }
     return [
         Fault(
@@ -111,9 +127,9 @@ def _faults(counts: NDArray[np.int64], examples: NDArray[np.int64]) -> list[Faul
 
 
 @njit(cache=True)
-def _pair(faces: IntArray, vertices: int) -> Any:
+def _pair(xyz: FloatArray, faces: IntArray) -> Any:
     """Group corners by vertex (counting sort), then match half-edges within each vertex."""
-    m = faces.shape[0]
+    m, vertices = faces.shape[0], xyz.shape[0]
     offsets = np.zeros(vertices + 1, np.int32)
     for f in range(m):
         for i in range(3):
@@ -128,8 +144,8 @@ def _pair(faces: IntArray, vertices: int) -> Any:
             corners[fill[v]] = 3 * f + i
             fill[v] += 1
     twins = np.full((m, 3), -1, np.int32)
-    counts = np.zeros(3, np.int64)
-    examples = np.full(3, -1, np.int64)
+    counts = np.zeros(4, np.int64)
+    examples = np.full(4, -1, np.int64)
     # At vertex v the half-edge that leaves for w (corner's own) pairs with the one that comes
     # from w (the half-edge before another corner). A fan may be large: then sort, not compare.
     for v in range(vertices):
@@ -169,7 +185,13 @@ def _pair(faces: IntArray, vertices: int) -> Any:
             if w == v:
                 counts[_REPEATED_VERTEX] += out
                 examples[_REPEATED_VERTEX] = corner // 3
-            elif out + back > 2:
+                continue
+            if v < w and (
+                xyz[v, 0] == xyz[w, 0] and xyz[v, 1] == xyz[w, 1] and xyz[v, 2] == xyz[w, 2]
+            ):
+                counts[_ZERO_EDGE] += 1
+                examples[_ZERO_EDGE] = corner // 3
+            if out + back > 2:
                 if v < w:
                     counts[_CROWDED_EDGE] += 1
                     examples[_CROWDED_EDGE] = corner // 3
@@ -193,3 +215,34 @@ def _insertion_sort(values: NDArray[np.int64]) -> None:
             values[j + 1] = values[j]
             j -= 1
         values[j + 1] = value
+
+
+@njit(cache=True)
+def _turns(faces: IntArray, offsets: IntArray, corners: IntArray) -> NDArray[np.bool_]:
+    """Which faces to reverse so that neighbours agree; each piece keeps its first face."""
+    m = faces.shape[0]
+    turned = np.zeros(m, np.bool_)
+    seen = np.zeros(m, np.bool_)
+    stack = np.empty(m, np.int32)
+    for first in range(m):
+        if seen[first]:
+            continue
+        seen[first] = True
+        stack[0] = first
+        size = 1
+        while size > 0:
+            size -= 1
+            f = stack[size]
+            for i in range(3):
+                a, b = faces[f, i], faces[f, (i + 1) % 3]
+                for k in range(offsets[a], offsets[a + 1]):
+                    g, j = corners[k] // 3, corners[k] % 3
+                    if g == f or seen[g]:
+                        continue
+                    same = faces[g, (j + 1) % 3] == b
+                    if same or faces[g, (j + 2) % 3] == b:
+                        seen[g] = True
+                        turned[g] = turned[f] != same
+                        stack[size] = g
+                        size += 1
+    return turned
