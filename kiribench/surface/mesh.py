@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -69,7 +70,9 @@ class SurfacePoints:
     def __len__(self) -> int:
         return len(self.faces)
 
-    def __getitem__(self, index: NDArray[np.intp] | slice) -> SurfacePoints:
+    def __getitem__(
+        self, index: NDArray[np.integer[Any]] | NDArray[np.bool_] | slice
+    ) -> SurfacePoints:
         return SurfacePoints(self.faces[index], self.barycentric[index])
 
     def positions_mm(self, mesh: Mesh) -> FloatArray:
