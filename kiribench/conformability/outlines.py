@@ -17,7 +17,6 @@ from kiribench.surface.cells import (
     gauss_curvature,
     grid_sides,
 )
-from kiribench.surface.locate import locate
 from kiribench.surface.mesh import FloatArray, IntArray, Mesh, SurfacePoints
 from kiribench.surface.nodes import LocatedNodes
 from kiribench.surface.topology import Topology
@@ -69,15 +68,40 @@ def sample_paths(sides: GridSides, mesh: Mesh) -> tuple[FloatArray, SurfacePoint
         (p, PIECES + 1, 3) mm and the same p (PIECES + 1) points in faces, row-major.
     """
     paths = sides.paths
-    count = len(paths.length_mm)
-    points = np.empty((count, PIECES + 1, 3))
-    for k in range(count):
-        line = paths.path_mm[paths.path_offsets[k] : paths.path_offsets[k + 1]]
-        along = np.concatenate([[0.0], np.linalg.norm(np.diff(line, axis=0), axis=1).cumsum()])
-        at = np.linspace(0.0, along[-1], PIECES + 1)
-        for axis in range(3):
-            points[k, :, axis] = np.interp(at, along, line[:, axis])
-    return points, locate(mesh, points.reshape(-1, 3)).points
+    begin, end = paths.path_offsets[:-1], paths.path_offsets[1:]
+    step = np.linalg.norm(np.diff(paths.path_mm, axis=0, append=paths.path_mm[-1:]), axis=1)
+    step[end - 1] = 0.0
+    along = np.concatenate([[0.0], step.cumsum()])
+    part = np.linspace(0.0, 1.0, PIECES + 1)
+    at = along[begin, None] + part * (along[end - 1] - along[begin])[:, None]
+    segment = np.searchsorted(along, at, side="right") - 1
+    segment = np.clip(segment, begin[:, None], np.maximum(end - 2, begin)[:, None])
+    length = step[segment]
+    share = np.divide(at - along[segment], length, out=np.zeros_like(at), where=length > 0.0)
+    share = np.clip(share, 0.0, 1.0)[..., None]
+    points = (1.0 - share) * paths.path_mm[segment] + share * paths.path_mm[segment + 1]
+    faces = paths.path_faces[segment].ravel()
+    return points, SurfacePoints(faces, barycentric_of(mesh, faces, points.reshape(-1, 3)))
+
+
+def barycentric_of(mesh: Mesh, faces: IntArray, points: FloatArray) -> FloatArray:
+    """Weights of points that lie in given faces, up to rounding.
+
+    Args:
+        faces: (p,); points: (p, 3) mm.
+
+    Returns:
+        (p, 3), none negative, rows sum to 1.
+    """
+    corner = mesh.corners_mm[faces]
+    first, second = corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]
+    offset = points - corner[:, 0]
+    aa, ab, bb = ((u * v).sum(axis=1) for u, v in ((first, first), (first, second), (second,) * 2))
+    pa, pb = (offset * first).sum(axis=1), (offset * second).sum(axis=1)
+    det = aa * bb - ab * ab
+    w1, w2 = (bb * pa - ab * pb) / det, (aa * pb - ab * pa) / det
+    weights = np.maximum(np.stack([1.0 - w1 - w2, w1, w2], axis=1), 0.0)
+    return np.asarray(weights / weights.sum(axis=1, keepdims=True))
 
 
 def cell_outline_index(sides: GridSides, cells: NDArray[np.bool_]) -> IntArray:
@@ -128,7 +152,7 @@ def flat_outlines(
         PathError: no path joins two nodes of a side, or a centre and its outline.
     """
     complete = skin.cells_present & patch.cells_present
-    frames = _frames_of(mesh, skin, complete)
+    frames = _frames_of(mesh, skin, complete, topology)
     flat, space, sides = [], [], []
     for nodes in (skin, patch):
         side = grid_sides(mesh, nodes, topology)
@@ -167,10 +191,12 @@ def flat_outlines(
     )
 
 
-def _frames_of(mesh: Mesh, skin: LocatedNodes, complete: NDArray[np.bool_]) -> FlatFrames:
-    every = cell_frames(mesh, skin)
-    kept = complete[skin.cells_present]
-    return FlatFrames(every.centres[np.flatnonzero(kept)], every.axes[kept])
+def _frames_of(
+    mesh: Mesh, skin: LocatedNodes, complete: NDArray[np.bool_], topology: Topology
+) -> FlatFrames:
+    every = cell_frames(mesh, skin, topology)
+    kept = np.flatnonzero(complete[skin.cells_present])
+    return FlatFrames(every.centres[kept], every.axes[kept])
 
 
 def _material_axes(corners: FloatArray, sense: float) -> tuple[FloatArray, FloatArray]:

@@ -22,6 +22,10 @@ from kiribench.surface.topology import Topology
 #: Corner offsets (row, column) of a cell in order.
 CORNERS = ((0, 0), (0, 1), (1, 1), (1, 0))
 
+#: How far a cell's centre is moved towards the middle of its face, a fraction. Any point
+#: near the middle of the cell serves as its centre; one on an edge has two tangent planes.
+OFF_EDGE = 0.02
+
 
 @dataclass(frozen=True, eq=False)
 class GridSides:
@@ -113,10 +117,11 @@ def corner_values(nodes: NDArray[np.generic]) -> NDArray[np.generic]:
     return np.stack([nodes[r : r + rows, c : c + columns] for r, c in CORNERS], axis=2)
 
 
-def cell_frames(mesh: Mesh, nodes: LocatedNodes) -> FlatFrames:
+def cell_frames(mesh: Mesh, nodes: LocatedNodes, topology: Topology) -> FlatFrames:
     """A tangent frame at the centre of every cell whose corners are all present.
 
-    The centre is the point of the surface closest to the mean of the corners; the first
+    The centre is the point of the surface closest to the mean of the corners, moved off
+    the edges of its face, so that all directions at the centre lie in one plane. The first
     axis points along the projected longitudinal mid-line (distal).
 
     Returns:
@@ -124,8 +129,11 @@ def cell_frames(mesh: Mesh, nodes: LocatedNodes) -> FlatFrames:
     """
     corners = np.asarray(corner_values(nodes.positions_mm), dtype=np.float64)
     corners = corners[nodes.cells_present]
-    centres = locate(mesh, corners.mean(axis=1)).points
+    closest = locate(mesh, corners.mean(axis=1)).points
+    inside = (1.0 - OFF_EDGE) * closest.barycentric + OFF_EDGE / 3.0
+    centres = SurfacePoints(closest.faces, inside)
     normal = mesh.face_normals[centres.faces]
+    normal = np.where(topology.reversed_faces[centres.faces][:, None], -normal, normal)
     along = corners[:, 2] + corners[:, 3] - corners[:, 0] - corners[:, 1]
     along = along - (along * normal).sum(axis=1, keepdims=True) * normal
     along = along / np.linalg.norm(along, axis=1, keepdims=True)
