@@ -76,7 +76,7 @@ def index_page(subjects: Sequence[SubjectReport]) -> str:
 
 
 def _table(subjects: Sequence[SubjectReport]) -> Html:
-    rows = []
+    rows: list[tuple[object, ...]] = []
     for subject in subjects:
         link = tag("a", subject.participant, href=report_name(subject.participant))
         score = subject.conformability

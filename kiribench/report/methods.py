@@ -189,7 +189,7 @@ def assumptions(subject: SubjectReport) -> tuple[str, ...]:
 
 def facts(subject: SubjectReport) -> tuple[str, ...]:
     """The notes that the two results carry, each once."""
-    notes = []
+    notes: list[str] = []
     for result in (subject.conformability, subject.strain):
         notes.extend(result.notes if result is not None else ())
     return tuple(dict.fromkeys(notes))

@@ -70,13 +70,13 @@ def subject_page(subject: SubjectReport) -> str:
     return document(
         f"{kind} {subject.participant}: conformability",
         body,
-        payload=space[1].payload if space else Html(""),
+        payload=space[1].payload if space else None,
         script_hashes=space[1].script_hashes if space else (),
     )
 
 
 def document(
-    title: str, body: Html, *, payload: Html = Html(""), script_hashes: tuple[str, ...] = ()
+    title: str, body: Html, *, payload: Html | None = None, script_hashes: tuple[str, ...] = ()
 ) -> str:
     """A complete HTML document that may load nothing and run only the scripts named.
 

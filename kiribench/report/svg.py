@@ -12,7 +12,7 @@ import re
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from kiribench.report.html import Html, tag
 from kiribench.report.palette import INK
@@ -20,7 +20,7 @@ from kiribench.report.palette import INK
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_RC = {
+_RC: dict[Any, Any] = {
     "svg.fonttype": "none",
     "svg.hashsalt": "kiribench",
     "svg.image_inline": True,

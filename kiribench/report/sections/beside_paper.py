@@ -23,13 +23,13 @@ def paper_section(subject: SubjectReport) -> Html | None:
     refused: list[str] = []
     score, strain = subject.conformability, subject.strain
     if score is not None:
-        refused = not_comparable(subject, score)
+        refused, whole = not_comparable(subject, score), score.whole
         if not refused:
             rows.append(
                 (
                     "Cells at least fair",
-                    f"{percent(score.whole.satisfactory)} "
-                    f"({percent_span(score.whole.satisfactory_low, score.whole.satisfactory_high)})",
+                    f"{percent(whole.satisfactory)} "
+                    f"({percent_span(whole.satisfactory_low, whole.satisfactory_high)})",
                     listing([percent(n / PAPER_CELLS) for n in PAPER_SATISFACTORY])
                     + " (three worn patches)",
                 )

@@ -138,7 +138,7 @@ def _fit_table(score: Conformability) -> Html:
                 "Width",
                 "Shear",
                 "Rest",
-            ),  # fmt: skip
+            ),
             rows,
             caption="Overlap by the three definitions, with the interval of the graded one, and "
             "the size of each cause.",
@@ -179,10 +179,10 @@ def _strain_table(strain: StrainField) -> Html:
                 "ν",
                 "95 % interval of ν",
                 "Why masked",
-            ),  # fmt: skip
+            ),
             rows,
-            caption=f"Stretch (length ratio), strain ({strain.strain_measure}), shear and Poisson's "
-            "ratio.",
+            caption=f"Stretch (length ratio), strain ({strain.strain_measure}), shear and "
+            "Poisson's ratio.",
             numeric=(1, 2, 3, 4, 5, 6, 7),
         ),
     )

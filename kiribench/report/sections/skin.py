@@ -91,8 +91,8 @@ def skin_section(subject: SubjectReport, strain: StrainField) -> Html:
         tag("h2", "How the skin deforms"),
         tag(
             "p",
-            f"From {pose(strain.reference_pose)} to {pose(strain.deformed_pose)}, cell by cell of the "
-            "drawn grid. ",
+            f"From {pose(strain.reference_pose)} to {pose(strain.deformed_pose)}, cell by cell of "
+            "the drawn grid. ",
             "The frame is the patch's place. " if patch else "",
             "Dotted frames mark the smallest and the largest value. ",
             _masked(strain),

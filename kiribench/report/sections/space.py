@@ -47,13 +47,7 @@ def space_section(
         lifted(skin, LIFT_MM),
         lifted(patch, 2 * LIFT_MM),
         grades,
-        [
-            [
-                f"row {r}, column {c}: {score.grade[r, c]}, {overlap_words(float(score.overlap[r, c]))}"
-                for c in range(score.shape[1])
-            ]
-            for r in range(score.shape[0])
-        ],
+        _hover(score),
     )
     section = tag(
         "section",
@@ -73,6 +67,18 @@ def space_section(
         id="space",
     )
     return section, view
+
+
+def _hover(score: Conformability) -> list[list[str]]:
+    rows, columns = score.shape
+    return [
+        [
+            f"row {r}, column {c}: {score.grade[r, c]}, "
+            + overlap_words(float(score.overlap[r, c]))
+            for c in range(columns)
+        ]
+        for r in range(rows)
+    ]
 
 
 def lifted(outlines: np.ndarray, by_mm: float) -> np.ndarray:

@@ -103,6 +103,7 @@ def _card(
     overlap = float(score.overlap[cell])
     main = str(score.causes.main[cell])
     grade = str(score.grade[cell])
+    interval = span(float(score.overlap_low[cell]), float(score.overlap_high[cell]))
     why = (
         f"Mostly {main.replace('-', ' ')}: {MEANING[main]}."
         if main in MEANING
@@ -127,9 +128,10 @@ def _card(
         [
             tag(
                 "strong",
-                f"Row {row}, column {column} ({score.region[cell]}): {overlap_words(overlap)}, {grade}. ",
+                f"Row {row}, column {column} ({score.region[cell]}): "
+                f"{overlap_words(overlap)}, {grade}. ",
             ),
-            f"95 % interval {span(float(score.overlap_low[cell]), float(score.overlap_high[cell]))}. ",
+            f"95 % interval {interval}. ",
             why,
         ],
         class_="card",
