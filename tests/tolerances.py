@@ -28,3 +28,8 @@ INTERVAL_COVERAGE = 0.87
 """Fraction: the intervals aim at 95 % and reach 89 % to 97 % in studies of 400 repeats; the
 bound is the least of them minus one sampling error of a share in 300 repeats (.018). Plain
 percentiles of the draws cover a perfect fit in 3 %."""
+
+# --- subject folders ---
+
+NODE_TEXT_MM = 5e-7
+"""mm: the tests' nodes tables are written with six decimals."""

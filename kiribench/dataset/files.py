@@ -80,15 +80,18 @@ class Folder:
         try:
             return path.read_bytes(), ()
         except OSError as error:
-            return None, (
-                Fault(
-                    "path-unreadable",
-                    "The file cannot be read.",
-                    "Check its permissions and the disk.",
-                    file=self.name(path),
-                    got=error.strerror or type(error).__name__,
-                ),
-            )
+            return None, (unreadable(error, self.name(path)),)
+
+
+def unreadable(error: OSError, file: str) -> Fault:
+    """The fault for what the operating system refuses (permissions, a broken disk)."""
+    return Fault(
+        "path-unreadable",
+        "A file or folder cannot be read.",
+        "Check the permissions of the folder and of everything in it.",
+        file=file,
+        got=error.strerror or type(error).__name__,
+    )
 
 
 def present(path: Path) -> bool:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from kiribench.dataset.files import Folder, present
+from kiribench.dataset.files import Folder, present, unreadable
 from kiribench.dataset.participants import Participants, find_participants, read_participants
-from kiribench.dataset.reader import read_subject
+from kiribench.dataset.reader import read_subject, resolve_layout
 from kiribench.dataset.subject import REQUIRED_ACQUISITIONS, Subject
 from kiribench.errors import DatasetError, Fault, UsageError
 from kiribench.schema.layout import Layout, LayoutMetadata
@@ -48,7 +48,7 @@ class Dataset:
             DatasetError: everything that is wrong with the folder as a whole, at once;
                 subjects are read, and refused, one by one with :meth:`subject`.
         """
-        dataset, faults = _read(Path(root))
+        dataset, faults = read_dataset(Path(root))
         errors = [fault for fault in faults if fault.severity == "error"]
         if dataset is None or errors:
             raise DatasetError.of(errors)
@@ -87,7 +87,7 @@ class Dataset:
 
 def check_dataset(root: Path | str) -> tuple[Fault, ...]:
     """Every fault of the folder, its tables and its sidecars; scans are not opened."""
-    dataset, faults = _read(Path(root))
+    dataset, faults = read_dataset(Path(root))
     listed = list(faults)
     if dataset is not None:
         for subject in dataset.subjects():
@@ -106,7 +106,15 @@ def subject_faults(subject: Subject) -> tuple[Fault, ...]:
     return (*missing, *subject.faults)
 
 
-def _read(root: Path) -> tuple[Dataset | None, tuple[Fault, ...]]:
+def read_dataset(root: Path) -> tuple[Dataset | None, tuple[Fault, ...]]:
+    """The dataset as far as it can be read, and the faults of the folder as a whole."""
+    try:
+        return _read_folder(root)
+    except OSError as error:  # a folder that may not be listed
+        return None, (unreadable(error, str(root)),)
+
+
+def _read_folder(root: Path) -> tuple[Dataset | None, tuple[Fault, ...]]:
     if not root.is_dir():
         is_file = root.is_file()
         return None, (
@@ -134,12 +142,12 @@ def _read(root: Path) -> tuple[Dataset | None, tuple[Fault, ...]]:
                 severity="warning",
             ),
         )
-    if description is None or metadata is None or layout is None:
-        # Read on with the defaults, so that every other fault shows up as well; the caller
-        # sees the errors of the description first.
-        description = description or DatasetDescription(name="unnamed")
-        metadata = metadata if layout is not None and metadata else LayoutMetadata()
-        layout = Layout.resolve(metadata)
+    if metadata is None or layout is None:
+        # Without a layout the subjects' tables cannot be judged.
+        return None, faults
+    if description is None:
+        # Read on, so that the subjects' faults show up as well; open() refuses anyway.
+        description = DatasetDescription(name="unnamed")
     warnings = tuple(fault for fault in faults if fault.severity == "warning")
     return Dataset(root, description, layout, found, metadata, listed, warnings), faults
 
@@ -155,7 +163,7 @@ def _read_description(
             'Write the file with at least {"Name": "..."}.',
             file=DESCRIPTION,
         )
-        return None, None, None, (fault,)
+        return None, LayoutMetadata(), Layout.of(), (fault,)
     data, faults = folder.read(path)
     if data is None:
         return None, None, None, faults
@@ -164,14 +172,5 @@ def _read_description(
     if value is None:
         return None, None, None, faults
     description, reading = parse_model(DatasetDescription, value, file=DESCRIPTION)
-    metadata, layout, laying = read_layout(value, file=DESCRIPTION)
+    metadata, layout, laying = resolve_layout(value, (), file=DESCRIPTION)
     return description, metadata, layout, (*faults, *reading, *laying)
-
-
-def read_layout(
-    value: Mapping[str, object], *base: LayoutMetadata, file: str
-) -> tuple[LayoutMetadata | None, Layout | None, tuple[Fault, ...]]:
-    """The layout keys of a JSON object on top of ``base``; None with faults if wrong."""
-    from kiribench.dataset.reader import resolve_layout
-
-    return resolve_layout(dict(value), base, file=file)

@@ -201,7 +201,10 @@ def bend_deg(grid: FloatArray) -> float | None:
         if not len(steps):
             return None
         ends.append(steps.mean(axis=0))
-    cosine = ends[0] @ ends[1] / (np.linalg.norm(ends[0]) * np.linalg.norm(ends[1]))
+    lengths = float(np.linalg.norm(ends[0]) * np.linalg.norm(ends[1]))
+    if lengths == 0.0:
+        return None
+    cosine = ends[0] @ ends[1] / lengths
     return float(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))))
 
 

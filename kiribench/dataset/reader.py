@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from kiribench.dataset.files import Folder, find_scans, near_names, present
+from kiribench.dataset.files import Folder, find_scans, near_names, present, unreadable
 from kiribench.dataset.poses import pose_faults, table_faults
 from kiribench.dataset.subject import Acquisition, Subject
 from kiribench.errors import DatasetError, Fault
@@ -34,6 +34,17 @@ def read_subject(
     folder: Folder, participant: str, metadata: LayoutMetadata, listed_side: Side | None
 ) -> Subject:
     """The subject with all faults of its files; scans are found but not opened."""
+    try:
+        return _read_subject(folder, participant, metadata, listed_side)
+    except OSError as error:  # a folder that may not be listed
+        fault = unreadable(error, f"sub-{participant}")
+        layout = Layout.resolve(metadata)
+        return Subject(folder.root, participant, listed_side, layout, {}, (fault,))
+
+
+def _read_subject(
+    folder: Folder, participant: str, metadata: LayoutMetadata, listed_side: Side | None
+) -> Subject:
     root = folder.root / f"sub-{participant}"
     layout, faults = _layout(folder, root, metadata, participant)
     acquisitions: dict[str, Acquisition] = {}
@@ -44,6 +55,8 @@ def read_subject(
     side, siding = _side(participant, listed_side, acquisitions)
     faults += siding
     poses = {name: found.nodes for name, found in acquisitions.items() if found.nodes is not None}
+    if layout is None:
+        layout = Layout.resolve(metadata)
     faults += pose_faults(poses, side, layout, folder)
     return Subject(folder.root, participant, side, layout, acquisitions, tuple(faults))
 
@@ -64,24 +77,23 @@ def resolve_layout(
 
 def _layout(
     folder: Folder, root: Path, metadata: LayoutMetadata, participant: str
-) -> tuple[Layout, list[Fault]]:
+) -> tuple[Layout | None, list[Fault]]:
     path = root / f"sub-{participant}_layout.json"
-    inherited = Layout.resolve(metadata)
     if not present(path):
-        return inherited, []
+        return Layout.resolve(metadata), []
     data, faults = folder.read(path)
     if data is None:
-        return inherited, list(faults)
+        return None, list(faults)
     name = folder.name(path)
     value, parsing = parse_json(data, file=name)
     if value is None:
-        return inherited, [*faults, *parsing]
+        return None, [*faults, *parsing]
     _, layout, laying = resolve_layout(value, (metadata,), file=name)
-    return layout or inherited, [*faults, *parsing, *laying]
+    return layout, [*faults, *parsing, *laying]
 
 
 def _read_acquisition(
-    folder: Folder, surf: Path, participant: str, name: str, layout: Layout
+    folder: Folder, surf: Path, participant: str, name: str, layout: Layout | None
 ) -> Acquisition | None:
     stem = f"sub-{participant}_acq-{name}"
     scans = find_scans(surf, f"{stem}_scan")
@@ -214,7 +226,7 @@ def _nodes(
     path: Path,
     sidecar_path: Path,
     acquisition: str,
-    layout: Layout,
+    layout: Layout | None,
     faults: list[Fault],
 ) -> NodesTable | None:
     node_sd_mm: float | None = None
@@ -249,7 +261,7 @@ def _nodes(
         return None
     table, parsing = parse_tsv(data, file=folder.name(path))
     faults += parsing
-    if table is None:
+    if table is None or layout is None:  # a wrong layout is reported; it judges no table
         return None
     nodes, checking = parse_nodes(
         table, path, layout.node_shape(acquisition), node_sd_mm=node_sd_mm

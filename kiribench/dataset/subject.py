@@ -10,6 +10,7 @@ from kiribench.errors import DatasetError, Fault
 from kiribench.schema.layout import ACQUISITIONS, Layout
 from kiribench.schema.nodes import NodesTable
 from kiribench.schema.sidecars import ScanSidecar, Side
+from kiribench.schema.strict_json import short
 
 REQUIRED_ACQUISITIONS = ("flex000", "flex090")
 
@@ -123,10 +124,15 @@ class Subject:
         """The fault that says that ``acquisition`` is not there."""
         if acquisition not in ACQUISITIONS:
             raise ValueError(f"acquisition must be one of {ACQUISITIONS}, not {acquisition!r}")
+        surf = self.root / f"sub-{self.id}" / "surf"
+        names = sorted(path.name for path in surf.iterdir()) if surf.is_dir() else []
         return Fault(
             "acquisition-missing",
             f"Participant {self.id} has no acquisition {acquisition}.",
             f"Add sub-{self.id}_acq-{acquisition}_scan.obj with its .json, and "
             f"sub-{self.id}_acq-{acquisition}_nodes.tsv.",
             file=f"sub-{self.id}/surf",
+            got=(short(", ".join(names), 200)[1:-1] or "an empty folder")
+            if surf.is_dir()
+            else "no folder surf",
         )

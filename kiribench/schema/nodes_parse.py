@@ -115,7 +115,7 @@ def _missing_column(table: TsvTable, name: str) -> Fault:
         remedy,
         file=table.file,
         column=name,
-        got=short(", ".join(similar or table.columns), 100),
+        got=short(", ".join(similar or table.columns), 100)[1:-1],
         expected=", ".join(REQUIRED_COLUMNS),
     )
 
