@@ -1,0 +1,96 @@
+"""What an exact Gaussian process has learnt besides its data: scalings and kernel parameters."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Hyperparameters:
+    """Scalings of inputs and targets, and the kernel's parameters in scaled units.
+
+    The process is ``y = target_mean + target_scale f((x - input_low) / input_span)``.
+
+    Attributes:
+        input_low, input_span: d numbers, units of the inputs.
+        target_mean, target_scale: unit of the targets.
+        length_scales: d numbers, or one for all inputs, in scaled inputs.
+        warp: d pairs of extra end slopes; empty where inputs are not warped.
+        signal_variance: of the scaled process.
+        noise_ratio: noise variance over signal variance.
+    """
+
+    input_low: tuple[float, ...]
+    input_span: tuple[float, ...]
+    target_mean: float
+    target_scale: float
+    length_scales: tuple[float, ...]
+    warp: tuple[tuple[float, float], ...]
+    signal_variance: float
+    noise_ratio: float
+
+    @property
+    def noise_sd(self) -> float:
+        """Standard deviation of an observation about the process, unit of the targets."""
+        return float(np.sqrt(self.signal_variance * self.noise_ratio) * self.target_scale)
+
+    @property
+    def signal_sd(self) -> float:
+        """Prior standard deviation of the process, unit of the targets."""
+        return float(np.sqrt(self.signal_variance) * self.target_scale)
+
+    def scale_inputs(self, X: FloatArray) -> FloatArray:
+        """(n, d) inputs in the kernel's units."""
+        return np.asarray((X - np.array(self.input_low)) / np.array(self.input_span))
+
+    def scale_targets(self, y: FloatArray) -> FloatArray:
+        """Targets as the process sees them."""
+        return np.asarray((y - self.target_mean) / self.target_scale)
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        return asdict(self)
+
+    @classmethod
+    def from_dict(cls, record: dict[str, Any]) -> Hyperparameters:
+        """The inverse of :meth:`as_dict`."""
+        return cls(
+            input_low=tuple(map(float, record["input_low"])),
+            input_span=tuple(map(float, record["input_span"])),
+            target_mean=float(record["target_mean"]),
+            target_scale=float(record["target_scale"]),
+            length_scales=tuple(map(float, record["length_scales"])),
+            warp=tuple((float(low), float(high)) for low, high in record["warp"]),
+            signal_variance=float(record["signal_variance"]),
+            noise_ratio=float(record["noise_ratio"]),
+        )
+
+
+def scaling_of(
+    X: FloatArray, y: FloatArray, *, inputs: str, centre: bool
+) -> tuple[FloatArray, FloatArray, float, float]:
+    """Low and span of each input, mean and scale of the targets.
+
+    Args:
+        X: (n, d).
+        y: (n,).
+        inputs: ``"range"`` maps each input's range to [0, 1], ``"none"`` leaves them.
+        centre: subtract the targets' mean.
+    """
+    if inputs == "range":
+        low, span = X.min(axis=0), np.ptp(X, axis=0)
+        span = np.where(span > 0.0, span, 1.0)
+    else:
+        low, span = np.zeros(X.shape[1]), np.ones(X.shape[1])
+    mean = float(y.mean()) if centre else 0.0
+    scale = float(np.sqrt(np.mean((y - mean) ** 2)))
+    # Rounding leaves a constant target a scale of 1e-17 instead of 0.
+    if scale <= 1e-12 * max(1.0, float(np.abs(y).max())):
+        scale = 1.0
+    return low, span, mean, scale

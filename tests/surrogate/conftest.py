@@ -1,0 +1,44 @@
+"""A closed-form stand-in for the design space: smooth, rotating-squares-like, no simulation."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+FloatArray = np.ndarray
+
+
+def stand_in_poisson(a: FloatArray, b: FloatArray, strain: FloatArray) -> FloatArray:
+    """A made-up Poisson's ratio: -1 for long cuts and small strain, +0.5 without cuts.
+
+    It has the design space's looks (auxetic at first, rising with strain, steep towards
+    full cuts) and none of its mechanics. a, b are fractions, strain is a log strain.
+    """
+    openness = (a * b) ** 1.5
+    limit = 0.02 + 0.4 * openness * (1.0 + 0.3 * (a - b))
+    turned = 1.0 / (1.0 + (strain / limit) ** 2)
+    return 0.5 - 1.5 * openness * (0.25 + 0.75 * turned) - 0.2 * b * (1.0 - a) * turned
+
+
+def stand_in_table(levels: int, strains: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """(n, 3) rows a_percent, b_percent, strain and (n,) targets on a full lattice."""
+    percent = np.linspace(5.0, 95.0, levels)
+    a, b, e = np.meshgrid(percent, percent, strains, indexing="ij")
+    X = np.column_stack([a.ravel(), b.ravel(), e.ravel()])
+    return X, stand_in_poisson(X[:, 0] / 100, X[:, 1] / 100, X[:, 2])
+
+
+@pytest.fixture(scope="session")
+def curves() -> tuple[FloatArray, FloatArray]:
+    """25 designs x 9 common strains."""
+    return stand_in_table(5, np.linspace(0.05, 0.75, 9))
+
+
+@pytest.fixture(scope="session")
+def sheet_curves() -> tuple[FloatArray, FloatArray]:
+    """36 designs with 12 strains of their own each, as a sheet pulled by displacement gives."""
+    X, _ = stand_in_table(6, np.linspace(0.05, 0.75, 12))
+    stretchier = 1.0 + 0.06 * (X[:, 0] / 100) * (1.0 - 0.5 * X[:, 1] / 100)
+    X = X.copy()
+    X[:, 2] *= stretchier
+    return X, stand_in_poisson(X[:, 0] / 100, X[:, 1] / 100, X[:, 2])
