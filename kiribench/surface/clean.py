@@ -62,6 +62,14 @@ class Cleaned:
     remade: NDArray[np.bool_]
     faults: list[Fault] = field(default_factory=list)
     counts: dict[str, int] = field(default_factory=dict)
+    _grouped: tuple[IntArray, IntArray, NDArray[np.int64]] | None = None
+
+    def edges(self) -> tuple[IntArray, NDArray[np.int64]]:
+        """The edge groups (order, starts) of the faces as they are now, computed once."""
+        if self._grouped is None or self._grouped[0] is not self.faces:
+            order, starts = connectivity.edge_groups(self.faces, len(self.xyz))
+            self._grouped = (self.faces, order, starts)
+        return self._grouped[1], self._grouped[2]
 
     @property
     def usable(self) -> bool:
@@ -232,8 +240,12 @@ def _with_near(work: Cleaned, same: NDArray[np.int64]) -> NDArray[np.int64]:
     from scipy.spatial import cKDTree
 
     count = len(work.xyz)
-    welded = same[work.faces].astype(np.int32)
-    order, starts = connectivity.edge_groups(welded, count)
+    if np.array_equal(same, np.arange(count)):
+        welded = work.faces
+        order, starts = work.edges()
+    else:
+        welded = same[work.faces].astype(np.int32)
+        order, starts = connectivity.edge_groups(welded, count)
     single = order[starts[:-1][np.diff(starts) == 1]]
     if len(single) == 0:
         return same
@@ -350,7 +362,7 @@ def _flip_flat(work: Cleaned) -> None:
         flat = _flat_faces(work.xyz, work.faces)
         if not flat.any():
             return
-        order, starts = connectivity.edge_groups(work.faces, len(work.xyz))
+        order, starts = work.edges()
         edge_of = np.empty(len(order), dtype=np.int64)
         edge_of[order] = np.repeat(np.arange(len(starts) - 1), np.diff(starts))
         touched = flat.copy()
@@ -402,7 +414,7 @@ def _duplicates(work: Cleaned) -> None:
 
 def _specks(work: Cleaned) -> None:
     """Drop components below ``SPECK_FRACTION`` of the largest; name several large ones."""
-    order, starts = connectivity.edge_groups(work.faces, len(work.xyz))
+    order, starts = work.edges()
     root = connectivity.face_components(work.faces, order, starts, False)
     roots, label = np.unique(root, return_inverse=True)
     area = np.bincount(label, weights=_areas(work.xyz, work.faces))
@@ -429,7 +441,7 @@ def _areas(xyz: FloatArray, faces: IntArray) -> FloatArray:
 
 
 def _three_faces(work: Cleaned) -> None:
-    order, starts = connectivity.edge_groups(work.faces, len(work.xyz))
+    order, starts = work.edges()
     root = connectivity.face_components(work.faces, order, starts, True)
     pieces = len(np.unique(root))
     if pieces > 1:
@@ -456,7 +468,7 @@ def _three_faces(work: Cleaned) -> None:
 
 
 def _winding(work: Cleaned) -> None:
-    order, starts = connectivity.edge_groups(work.faces, len(work.xyz))
+    order, starts = work.edges()
     flip, disagreeing, conflicts = connectivity.orientation(work.faces, order, starts)
     work.counts["inconsistent_edges"] = int(disagreeing)
     if conflicts:
@@ -521,7 +533,7 @@ def _outward(work: Cleaned) -> None:
 
 
 def _bow_ties(work: Cleaned) -> None:
-    order, starts = connectivity.edge_groups(work.faces, len(work.xyz))
+    order, starts = work.edges()
     fans = connectivity.corner_fans(work.faces, order, starts)
     faces, extra = connectivity.split_fans(work.faces, fans, len(work.xyz))
     number = len(np.unique(extra))

@@ -136,7 +136,7 @@ def _border_loops(work: Cleaned) -> _Loops:
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
-    order, starts = connectivity.edge_groups(work.faces, len(work.xyz))
+    order, starts = work.edges()
     half = order[starts[:-1][np.diff(starts) == 1]]
     if len(half) == 0:
         return _NO_LOOPS
@@ -168,7 +168,7 @@ def _border_loops(work: Cleaned) -> _Loops:
 
 
 def _sizes(work: Cleaned) -> tuple[tuple[float, float, float, float], float]:
-    order, starts = connectivity.edge_groups(work.faces, len(work.xyz))
+    order, starts = work.edges()
     lengths = edge_lengths_mm(work, order, starts)
     p, q, r = (work.xyz[work.faces[:, corner]] for corner in range(3))
     area = 0.5 * float(np.linalg.norm(np.cross(q - p, r - p), axis=1).sum())
