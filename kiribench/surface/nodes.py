@@ -11,6 +11,7 @@ from kiribench.errors import Fault, NodesError
 from kiribench.schema.nodes import NodesTable
 from kiribench.surface.locate import locate
 from kiribench.surface.mesh import FloatArray, IntArray, Mesh, SurfacePoints
+from kiribench.surface.repair import Repaired
 
 #: A node farther than this from its scan belongs to another scan, frame or unit. Four
 #: times the usual node error; the closest point of a coarse or denoised mesh stays within.
@@ -81,7 +82,7 @@ def locate_nodes(
     mesh: Mesh,
     table: NodesTable,
     *,
-    face_map: IntArray | None = None,
+    repaired: Repaired | None = None,
     tolerance_mm: float = OFF_SURFACE_MM,
 ) -> LocatedNodes:
     """Put the nodes of a table on a scan.
@@ -91,9 +92,9 @@ def locate_nodes(
 
     Args:
         mesh: the scan in mm, after repair.
-        table: k nodes.
-        face_map: (m,) face of the file for every face of ``mesh`` where repair dropped or
-            moved faces; None where they are the same.
+        table: k nodes; its faces are those of the file.
+        repaired: how ``mesh`` came from the file's mesh; None where it is that mesh. A
+            node on a face that repair dropped goes to the closest point of what is left.
         tolerance_mm: largest distance of a position from the surface.
 
     Raises:
@@ -109,9 +110,8 @@ def locate_nodes(
     distance = np.asarray(found.distance_mm).copy()
     faults = _off_surface(table, lines, distance, tolerance_mm)
     if table.face is not None and table.barycentric is not None:
-        given, known = _given_faces(table, table.face[seen], mesh, face_map, lines, faults)
-        wanted = SurfacePoints(given[known], table.barycentric[seen][known])
-        gap = np.linalg.norm(wanted.positions_mm(mesh) - xyz[known], axis=1)
+        wanted, known = _given_places(table, mesh, repaired, faults)
+        gap = np.where(known, np.linalg.norm(wanted.positions_mm(mesh) - xyz, axis=1), 0.0)
         for k in np.flatnonzero(gap > tolerance_mm)[:NAMED_NODES]:
             faults.append(
                 Fault(
@@ -119,15 +119,15 @@ def locate_nodes(
                     "The node's position and its place on the face disagree.",
                     "Write one of the two anew: the scan's faces were probably reordered.",
                     file=str(table.file),
-                    row=int(lines[np.flatnonzero(known)[k]]),
+                    row=int(lines[k]),
                     column="face",
                     got=f"{gap[k]:.3g} mm apart",
                     expected=f"at most {tolerance_mm:g} mm",
                 )
             )
-        faces[known] = wanted.faces
-        weights[known] = wanted.barycentric
-        distance[known] = gap
+        faces[known] = wanted.faces[known]
+        weights[known] = wanted.barycentric[known]
+        distance[known] = gap[known]
     if faults:
         raise NodesError.of(faults)
     return _grid(mesh, table, seen, SurfacePoints(faces, weights), rows, cols, distance)
@@ -189,25 +189,24 @@ def _off_surface(
     return faults
 
 
-def _given_faces(
-    table: NodesTable,
-    named_faces: IntArray,
-    mesh: Mesh,
-    face_map: IntArray | None,
-    lines: IntArray,
-    faults: list[Fault],
-) -> tuple[IntArray, NDArray[np.bool_]]:
-    """Faces of the mesh for faces of the file, and which of them can be used."""
-    given = named_faces.astype(np.int64)
-    named = given >= 0
-    if face_map is None:
-        new_of_old = np.arange(len(mesh.faces), dtype=np.int64)
-    else:
-        top = int(max(face_map.max(initial=-1), given.max(initial=-1))) + 1
-        new_of_old = np.full(top, -1, dtype=np.int64)
-        new_of_old[face_map] = np.arange(len(face_map))
-    limit = len(new_of_old)
-    for k in np.flatnonzero(named & (given >= limit))[:NAMED_NODES]:
+def _given_places(
+    table: NodesTable, mesh: Mesh, repaired: Repaired | None, faults: list[Fault]
+) -> tuple[SurfacePoints, NDArray[np.bool_]]:
+    """The places on faces that the table gives, on the repaired mesh, and which count.
+
+    Returns:
+        One point a present node (the first corner of face 0 where there is none), and
+        (k,) whether it is the table's.
+    """
+    seen = table.present
+    given = np.full(int(seen.sum()), -1, dtype=np.int64)
+    weights = np.zeros((len(given), 3))
+    if table.face is not None and table.barycentric is not None:
+        given = table.face[seen].astype(np.int64)
+        weights = table.barycentric[seen]
+    limit = len(mesh.faces) if repaired is None else len(repaired.face_of)
+    lines = table.line[seen]
+    for k in np.flatnonzero(given >= limit)[:NAMED_NODES]:
         faults.append(
             Fault(
                 "nodes-face-range",
@@ -220,7 +219,12 @@ def _given_faces(
                 expected=f"0 to {limit - 1}",
             )
         )
-    inside = named & (given < limit)
-    mapped = np.where(inside, new_of_old[np.where(inside, given, 0)], -1)
-    # A face that repair dropped: the node keeps the closest point of what is left.
-    return mapped.astype(np.int32), np.asarray(mapped >= 0)
+    known = np.asarray((given >= 0) & (given < limit))
+    points = SurfacePoints(
+        np.where(known, given, 0).astype(np.int32),
+        np.where(known[:, None], weights, [1.0, 0.0, 0.0]),
+    )
+    if repaired is not None:
+        points, carried = repaired.carry(points)
+        known = known & carried
+    return points, known
