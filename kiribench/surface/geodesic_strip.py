@@ -25,7 +25,7 @@ class Scratch(NamedTuple):
     """Arrays that the kernels reuse from pair to pair; a stamp says which pair wrote them.
 
     Shapes: ``face_*`` (m,), ``vertex_*`` (n,), ``strip_*`` (room,), ``path_*`` (room, 3)
-    and (room,), ``window_*`` (room, 6) and (room, 2), ``heap_*`` (room,).
+    and (room,), ``window`` (room, 7), ``window_link`` (room, 2), ``heap_*`` (2 room,).
     """
 
     face_stamp: IntArray
@@ -99,37 +99,48 @@ def distance(a: FloatArray, b: FloatArray) -> float:
     return np.sqrt(x * x + y * y + z * z)
 
 
-@njit(cache=True)
-def apex_in_edge_frame(o: FloatArray, a: FloatArray, p: FloatArray) -> tuple[float, float, float]:
-    """Length of edge ``o a`` and the place of ``p`` along it and off it (>= 0)."""
-    ux, uy, uz = a[0] - o[0], a[1] - o[1], a[2] - o[2]
-    wx, wy, wz = p[0] - o[0], p[1] - o[1], p[2] - o[2]
+@njit(cache=True, error_model="numpy")
+def in_edge_frame(
+    xyz: FloatArray, o: int, e: int, px: float, py: float, pz: float
+) -> tuple[float, float, float]:
+    """Length of the edge from vertex ``o`` to ``e``, and a point's place along and off it."""
+    ox, oy, oz = xyz[o, 0], xyz[o, 1], xyz[o, 2]
+    ux, uy, uz = xyz[e, 0] - ox, xyz[e, 1] - oy, xyz[e, 2] - oz
+    wx, wy, wz = px - ox, py - oy, pz - oz
     length = np.sqrt(ux * ux + uy * uy + uz * uz)
     cx, cy, cz = uy * wz - uz * wy, uz * wx - ux * wz, ux * wy - uy * wx
-    if length == 0.0:
-        return 0.0, 0.0, np.sqrt(wx * wx + wy * wy + wz * wz)
-    along = (ux * wx + uy * wy + uz * wz) / length
-    return length, along, np.sqrt(cx * cx + cy * cy + cz * cz) / length
+    scale = 1.0 / length
+    along = (ux * wx + uy * wy + uz * wz) * scale
+    return length, along, np.sqrt(cx * cx + cy * cy + cz * cz) * scale
+
+
+@njit(cache=True, error_model="numpy")
+def vertex_in_edge_frame(
+    xyz: FloatArray, o: int, e: int, p: int
+) -> tuple[float, float, float]:
+    """As :func:`in_edge_frame`, for the vertex ``p``."""
+    return in_edge_frame(xyz, o, e, xyz[p, 0], xyz[p, 1], xyz[p, 2])
 
 
 @njit(cache=True)
 def corner_angle(xyz: FloatArray, faces: IntArray, corner: int) -> float:
     """Angle of a face at one of its corners (``3 f + i``), in radians."""
     f, i = corner // 3, corner % 3
-    v, a, b = xyz[faces[f, i]], xyz[faces[f, (i + 1) % 3]], xyz[faces[f, (i + 2) % 3]]
-    ux, uy, uz = a[0] - v[0], a[1] - v[1], a[2] - v[2]
-    wx, wy, wz = b[0] - v[0], b[1] - v[1], b[2] - v[2]
+    v, a, b = faces[f, i], faces[f, (i + 1) % 3], faces[f, (i + 2) % 3]
+    vx, vy, vz = xyz[v, 0], xyz[v, 1], xyz[v, 2]
+    ux, uy, uz = xyz[a, 0] - vx, xyz[a, 1] - vy, xyz[a, 2] - vz
+    wx, wy, wz = xyz[b, 0] - vx, xyz[b, 1] - vy, xyz[b, 2] - vz
     cx, cy, cz = uy * wz - uz * wy, uz * wx - ux * wz, ux * wy - uy * wx
     return np.arctan2(np.sqrt(cx * cx + cy * cy + cz * cz), ux * wx + uy * wy + uz * wz)
 
 
 @njit(cache=True)
 def _towards(xyz: FloatArray, faces: IntArray, f: int, t: FloatArray) -> Any:
-    a, b, c = xyz[faces[f, 0]], xyz[faces[f, 1]], xyz[faces[f, 2]]
-    x = (a[0] + b[0] + c[0]) / 3.0
-    y = (a[1] + b[1] + c[1]) / 3.0
-    z = (a[2] + b[2] + c[2]) / 3.0
-    return x, y, z, np.sqrt((x - t[0]) ** 2 + (y - t[1]) ** 2 + (z - t[2]) ** 2)
+    a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
+    x = (xyz[a, 0] + xyz[b, 0] + xyz[c, 0]) / 3.0
+    y = (xyz[a, 1] + xyz[b, 1] + xyz[c, 1]) / 3.0
+    z = (xyz[a, 2] + xyz[b, 2] + xyz[c, 2]) / 3.0
+    return x, y, z, np.sqrt((x - t[0]) * (x - t[0]) + (y - t[1]) * (y - t[1]) + (z - t[2]) * (z - t[2]))
 
 
 @njit(cache=True)
@@ -214,7 +225,7 @@ def _lay_out(
     left, right, strip = work.left, work.right, work.strip
     f, i = strip[0] // 3, strip[0] % 3
     a, b, c = faces[f, i], faces[f, (i + 1) % 3], faces[f, (i + 2) % 3]
-    length, along, off = apex_in_edge_frame(xyz[a], xyz[b], xyz[c])
+    length, along, off = vertex_in_edge_frame(xyz, a, b, c)
     right[0, 0], right[0, 1] = 0.0, 0.0
     left[0, 0], left[0, 1] = length, 0.0
     first_x, first_y = along, off
@@ -226,7 +237,7 @@ def _lay_out(
         g, j = other // 3, other % 3
         # In g the edge runs from the left end to the right end, g on its left hand.
         o, e, p = faces[g, j], faces[g, (j + 1) % 3], faces[g, (j + 2) % 3]
-        length, along, off = apex_in_edge_frame(xyz[o], xyz[e], xyz[p])
+        length, along, off = vertex_in_edge_frame(xyz, o, e, p)
         ux, uy = right[k, 0] - left[k, 0], right[k, 1] - left[k, 1]
         norm = np.sqrt(ux * ux + uy * uy)
         if norm > 0.0:
@@ -243,7 +254,7 @@ def _lay_out(
                 right[k + 1, 0], right[k + 1, 1] = px, py
         else:
             last_x, last_y = px, py
-            _, tx, ty = apex_in_edge_frame(xyz[o], xyz[e], target)
+            _, tx, ty = in_edge_frame(xyz, o, e, target[0], target[1], target[2])
             end_x = left[k, 0] + tx * ux - ty * uy
             end_y = left[k, 1] + tx * uy + ty * ux
     left[count, 0], left[count, 1] = end_x, end_y
@@ -465,8 +476,12 @@ def strip_polyline(
     if count > 0:
         ends = _lay_out(xyz, faces, twins, s_weights, t, count, work)
         ax, ay = ends[0], ends[1]
+        qx, qy = ax, ay  # the last point written
         n = 0
         pivot = -1  # the mesh vertex at the last point, if any
+        for i in range(3):
+            if s_weights[i] == 1.0:
+                pivot = faces[start, i]
         for k in range(count):
             g = twins[strip[k] // 3, strip[k] % 3] // 3
             a, b = _end_vertex(faces, strip[k], 1), _end_vertex(faces, strip[k], 0)
@@ -474,6 +489,7 @@ def strip_polyline(
                 v = a if work.corner_side[n] == 1 else b
                 points = work.right if work.corner_side[n] == 1 else work.left
                 ax, ay = points[k, 0], points[k, 1]
+                qx, qy = ax, ay
                 n += 1
                 if v != pivot:
                     if at + count - k + 3 > len(out):
@@ -494,13 +510,18 @@ def strip_polyline(
             if a == ahead or b == ahead:
                 out[at] = xyz[ahead]
                 pivot = ahead
+                qx, qy = bx, by
             else:
                 rx, ry = work.right[k, 0], work.right[k, 1]
                 wx, wy = work.left[k, 0] - rx, work.left[k, 1] - ry
                 bottom = _cross(wx, wy, bx - ax, by - ay)
-                share = 0.5
-                if bottom != 0.0:
-                    share = min(1.0, max(0.0, _cross(ax - rx, ay - ry, bx - ax, by - ay) / bottom))
+                edge = wx * wx + wy * wy
+                if abs(bottom) > 1e-9 * np.sqrt(edge) * np.hypot(bx - ax, by - ay):
+                    share = _cross(ax - rx, ay - ry, bx - ax, by - ay) / bottom
+                else:  # the path runs along this edge
+                    share = ((qx - rx) * wx + (qy - ry) * wy) / edge
+                share = min(1.0, max(0.0, share))
+                qx, qy = rx + share * wx, ry + share * wy
                 for x in range(3):
                     out[at, x] = xyz[a, x] + share * (xyz[b, x] - xyz[a, x])
             out_face[at] = g

@@ -18,11 +18,12 @@ from numba import njit
 
 from kiribench.surface.geodesic_strip import (
     Scratch,
-    apex_in_edge_frame,
     corner_angle,
     distance,
     heap_pop,
     heap_push,
+    in_edge_frame,
+    vertex_in_edge_frame,
 )
 from kiribench.surface.mesh import FloatArray, IntArray
 
@@ -32,28 +33,82 @@ FROM_SOURCE = -1  # link of a window or vertex reached straight from the source
 NO_ROOM = -2
 
 
-@njit(cache=True)
-def _known(v: int, stamp: int, work: Scratch) -> float:
-    if work.vertex_stamp[v] == stamp:
-        return work.vertex_mm[v]
-    return np.inf
+@njit(cache=True, inline="always")
+def _norm(x: float, y: float) -> float:
+    return np.sqrt(x * x + y * y)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _shortest_through(
     b0: float, b1: float, sx: float, sy: float, tx: float, ty: float
 ) -> tuple[float, float]:
     """Length from (sx, -sy) through [b0, b1] on the x axis to (tx, ty), and the crossing."""
     depth = sy + ty
-    x = sx + (tx - sx) * sy / depth if depth > 0.0 else min(max(tx, b0), b1)
-    if x < b0:
-        x = b0
-    elif x > b1:
-        x = b1
-    else:
-        if depth > 0.0:
-            return np.hypot(tx - sx, depth), x
-    return np.hypot(x - sx, sy) + np.hypot(tx - x, ty), x
+    x = sx + (tx - sx) * sy / depth if depth > 0.0 else tx
+    if b0 < x < b1 and depth > 0.0:
+        return _norm(tx - sx, depth), x
+    x = min(max(x, b0), b1)
+    return _norm(x - sx, sy) + _norm(tx - x, ty), x
+
+
+@njit(cache=True, error_model="numpy")
+def _push(
+    xyz: FloatArray,
+    tx: float,
+    ty: float,
+    tz: float,
+    h: int,
+    o: int,
+    e: int,
+    b0: float,
+    b1: float,
+    sx: float,
+    sy: float,
+    d: float,
+    link: int,
+    known_o: float,
+    known_e: float,
+    limit: float,
+    window: FloatArray,
+    window_link: IntArray,
+    heap_key: FloatArray,
+    heap_item: IntArray,
+    counts: IntArray,
+) -> bool:
+    """Queue the window [b0, b1] on the edge ``o e`` of half-edge ``h``; False if no room.
+
+    The frame's origin is ``o``, x runs to ``e``; the pseudo-source is at (sx, -sy), ``d``
+    behind the source. It is dropped if a vertex beats it all over, or if its straight
+    continuation to the target is no shorter than ``limit``.
+    """
+    far = _norm(b1 - sx, sy)
+    near = _norm(b0 - sx, sy)
+    slack = GAIN * (d + near + far)
+    if d + far > known_o + b1 + slack:
+        return True
+    length, along, off = in_edge_frame(xyz, o, e, tx, ty, tz)
+    if d + near > known_e + length - b0 + slack:
+        return True
+    least, _ = _shortest_through(b0, b1, sx, sy, along, off)
+    if d + least >= limit:
+        return True
+    n = counts[0]
+    if n + 2 > window.shape[0] or counts[1] + 2 > heap_key.shape[0]:
+        return False
+    window[n, 0], window[n, 1], window[n, 2], window[n, 3] = b0, b1, sx, sy
+    window[n, 4], window[n, 5], window[n, 6] = d, d + least, length
+    window_link[n, 0], window_link[n, 1] = h, link
+    key = d + (sy if b0 <= sx <= b1 else min(near, far))
+    counts[0] = n + 1
+    counts[1] = heap_push(heap_key, heap_item, counts[1], key, n)
+    return True
+
+
+@njit(cache=True)
+def _known(v: int, stamp: int, work: Scratch) -> float:
+    if work.vertex_stamp[v] == stamp:
+        return work.vertex_mm[v]
+    return np.inf
 
 
 @njit(cache=True)
@@ -68,44 +123,22 @@ def _push_window(
     sx: float,
     sy: float,
     d: float,
-    over_third: float,
     link: int,
     limit: float,
     stamp: int,
     counts: IntArray,
     work: Scratch,
 ) -> bool:
-    """Queue the window behind half-edge ``leaving`` unless it is useless; False if no room.
-
-    The frame's origin is the edge's first end in the face beyond, x along the edge; the
-    pseudo-source is at (sx, -sy). ``over_third`` is a length by which the window is beaten
-    if it is smaller than the window's own there (inf: none), already turned to a margin.
-    """
+    """Queue the window behind half-edge ``leaving`` (see ``_push``); False if no room."""
     h = twins[leaving // 3, leaving % 3]
-    if h < 0 or not b1 > b0 or over_third < 0.0:
+    if h < 0 or not b1 > b0:
         return True
     o, e = faces[h // 3, h % 3], faces[h // 3, (h % 3 + 1) % 3]
-    far = np.hypot(b1 - sx, sy)
-    near = np.hypot(b0 - sx, sy)
-    length, tx, ty = apex_in_edge_frame(xyz[o], xyz[e], t)
-    slack = GAIN * (d + near + far)
-    if d + far > _known(o, stamp, work) + b1 + slack:
-        return True
-    if d + near > _known(e, stamp, work) + length - b0 + slack:
-        return True
-    least, _ = _shortest_through(b0, b1, sx, sy, tx, ty)
-    if d + least >= limit:
-        return True
-    n = counts[0]
-    if n + 2 > len(work.window) or counts[1] + 2 > len(work.heap_key):
-        return False
-    record = work.window[n]
-    record[0], record[1], record[2], record[3], record[4], record[5] = b0, b1, sx, sy, d, d + least
-    work.window_link[n, 0], work.window_link[n, 1] = h, link
-    key = d + (sy if b0 <= sx <= b1 else min(near, far))
-    counts[0] = n + 1
-    counts[1] = heap_push(work.heap_key, work.heap_item, counts[1], key, n)
-    return True
+    return _push(
+        xyz, t[0], t[1], t[2], h, o, e, b0, b1, sx, sy, d, link,
+        _known(o, stamp, work), _known(e, stamp, work), limit,
+        work.window, work.window_link, work.heap_key, work.heap_item, counts,
+    )  # fmt: skip
 
 
 @njit(cache=True)
@@ -162,7 +195,7 @@ def _emit(
     if not high >= low:
         return True
     side_a, side_b = distance(xyz[v], xyz[a]), distance(xyz[v], xyz[b])
-    length, along, off = apex_in_edge_frame(xyz[b], xyz[a], xyz[v])
+    length, along, off = vertex_in_edge_frame(xyz, b, a, v)
     px, py = side_b * np.cos(full), side_b * np.sin(full)
     b0, b1 = 0.0, length
     if low > 0.0:
@@ -187,7 +220,7 @@ def _emit(
     ):
         return False
     return _push_window(
-        xyz, faces, twins, t, 3 * f + j, b0, b1, along, off, d, np.inf, link, limit, stamp,
+        xyz, faces, twins, t, 3 * f + j, b0, b1, along, off, d, link, limit, stamp,
         counts, work,
     )  # fmt: skip
 
@@ -282,7 +315,7 @@ def _spread(
     return True
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def search(
     xyz: FloatArray,
     faces: IntArray,
@@ -311,20 +344,24 @@ def search(
     best, best_link = bound, -1
     limit = bound - GAIN * bound if bound < np.inf else 1e300
     counts = np.zeros(2, np.int32)
+    window, window_link = work.window, work.window_link
+    heap_key, heap_item = work.heap_key, work.heap_item
+    vertex_stamp, vertex_mm = work.vertex_stamp, work.vertex_mm
+    tx, ty, tz = t[0], t[1], t[2]
     for n in range(len(source_faces)):
         f = source_faces[n]
         for i in range(3):
             v, a, b = faces[f, i], faces[f, (i + 1) % 3], faces[f, (i + 2) % 3]
-            length, along, off = apex_in_edge_frame(xyz[v], xyz[a], s)
+            length, along, off = in_edge_frame(xyz, v, a, s[0], s[1], s[2])
             turn = np.arctan2(off, along)
             ok = _reach(
                 xyz, t, v, distance(xyz[v], s), 3 * f + i, turn, FROM_SOURCE, limit, stamp,
                 counts, work,
             )  # fmt: skip
             if ok and source_weights[n, (i + 2) % 3] > 0.0:
-                length, along, off = apex_in_edge_frame(xyz[a], xyz[v], s)
+                length, along, off = in_edge_frame(xyz, a, v, s[0], s[1], s[2])
                 ok = _push_window(
-                    xyz, faces, twins, t, 3 * f + i, 0.0, length, along, off, 0.0, np.inf,
+                    xyz, faces, twins, t, 3 * f + i, 0.0, length, along, off, 0.0,
                     FROM_SOURCE, limit, stamp, counts, work,
                 )  # fmt: skip
             if not ok:
@@ -349,23 +386,27 @@ def search(
             ):
                 return 0.0, NO_ROOM
             continue
-        record = work.window[item]
-        b0, b1, sx, sy, d = record[0], record[1], record[2], record[3], record[4]
-        if record[5] >= limit:
+        if window[item, 5] >= limit:
             continue
-        h = work.window_link[item, 0]
-        f, i = h // 3, h % 3
-        v0, v1, v2 = faces[f, i], faces[f, (i + 1) % 3], faces[f, (i + 2) % 3]
-        length, px, py = apex_in_edge_frame(xyz[v0], xyz[v1], xyz[v2])
-        far, near = np.hypot(b1 - sx, sy), np.hypot(b0 - sx, sy)
+        b0, b1, sx, sy = window[item, 0], window[item, 1], window[item, 2], window[item, 3]
+        d, length = window[item, 4], window[item, 6]
+        h = window_link[item, 0]
+        f = h // 3
+        i = h - 3 * f
+        j = i + 1 if i < 2 else 0
+        k = i - 1 if i > 0 else 2
+        v0, v1, v2 = faces[f, i], faces[f, j], faces[f, k]
+        known0 = vertex_mm[v0] if vertex_stamp[v0] == stamp else np.inf
+        known1 = vertex_mm[v1] if vertex_stamp[v1] == stamp else np.inf
+        far, near = _norm(b1 - sx, sy), _norm(b0 - sx, sy)
         slack = GAIN * (d + near + far)
-        known0, known1 = _known(v0, stamp, work), _known(v1, stamp, work)
         if d + far > known0 + b1 + slack or d + near > known1 + length - b0 + slack:
             continue
+        _, px, py = vertex_in_edge_frame(xyz, v0, v1, v2)
         if work.target_stamp[f] == stamp:
             for n in range(len(target_faces)):
                 if target_faces[n] == f:
-                    w1, w2 = target_weights[n, (i + 1) % 3], target_weights[n, (i + 2) % 3]
+                    w1, w2 = target_weights[n, j], target_weights[n, k]
                     reached, _ = _shortest_through(b0, b1, sx, sy, w1 * length + w2 * px, w2 * py)
                     if d + reached < limit:
                         best, best_link = d + reached, item
@@ -374,55 +415,61 @@ def search(
         c0 = (b0 - sx) * (py + sy) - sy * (px - sx)
         c1 = (b1 - sx) * (py + sy) - sy * (px - sx)
         touch = 1e-11 * length
-        left_of_first = c0 > 0.0
-        right_of_last = c1 < 0.0
+        known2 = vertex_mm[v2] if vertex_stamp[v2] == stamp else np.inf
         if c0 <= touch * near and c1 >= -touch * far:
-            to = np.hypot(px - sx, py + sy)
-            # Angle at the third vertex from its next vertex (v0) round to the source.
-            turn = abs(
-                np.arctan2(
-                    -px * (-sy - py) - (-py) * (sx - px), -px * (sx - px) + -py * (-sy - py)
+            to = d + _norm(px - sx, py + sy)
+            if to < known2:
+                known2 = to
+                # Angle at the third vertex from its next vertex (v0) round to the source.
+                turn = abs(
+                    np.arctan2(
+                        px * (sy + py) + py * (sx - px), -px * (sx - px) + py * (sy + py)
+                    )
                 )
-            )
-            if not _reach(
-                xyz, t, v2, d + to, 3 * f + (i + 2) % 3, turn, item, limit, stamp, counts, work
-            ):
-                return 0.0, NO_ROOM
-        if not left_of_first:  # rays reach the edge v0 v2
-            side = np.hypot(px, py)
-            if side == 0.0:
+                if not _reach(
+                    xyz, t, v2, to, 3 * f + k, turn, item, limit, stamp, counts, work
+                ):
+                    return 0.0, NO_ROOM
+        for right in range(2):
+            # Rays left of the third vertex reach edge v0 v2, those right of it v2 v1.
+            if (right == 0 and c0 > 0.0) or (right == 1 and c1 < 0.0):
                 continue
-            ux, uy = px / side, py / side
-            lo = _hit(b0, sx, sy, 0.0, 0.0, ux, uy, side)
-            hi = _hit(b1, sx, sy, 0.0, 0.0, ux, uy, side) if right_of_last else side
-            nx, ny = ux * sx - uy * sy, -(ux * (-sy) - uy * sx)
-            margin = known1 + np.hypot(length - lo * ux, lo * uy) + slack
-            margin -= d + np.hypot(lo - nx, ny)
-            if not _push_window(
-                xyz, faces, twins, t, 3 * f + (i + 2) % 3, lo, hi, nx, ny, d, margin, item,
-                limit, stamp, counts, work,
-            ):  # fmt: skip
-                return 0.0, NO_ROOM
-        if not right_of_last:  # rays reach the edge v2 v1
-            side = np.hypot(length - px, py)
-            if side == 0.0:
+            beyond = twins[f, j if right else k]
+            if beyond < 0:
                 continue
-            ux, uy = (length - px) / side, -py / side
-            lo = _hit(b0, sx, sy, px, py, ux, uy, side) if left_of_first else 0.0
-            hi = _hit(b1, sx, sy, px, py, ux, uy, side)
-            rx, ry = sx - px, -sy - py
-            nx, ny = ux * rx + uy * ry, -(ux * ry - uy * rx)
-            margin = known0 + np.hypot(px + hi * ux, py + hi * uy) + slack
-            margin -= d + np.hypot(hi - nx, ny)
-            if not _push_window(
-                xyz, faces, twins, t, 3 * f + (i + 1) % 3, lo, hi, nx, ny, d, margin, item,
-                limit, stamp, counts, work,
+            if right:
+                ox, oy, wx, wy = px, py, length - px, -py
+            else:
+                ox, oy, wx, wy = 0.0, 0.0, px, py
+            side = _norm(wx, wy)
+            ux, uy = wx / side, wy / side
+            lo, hi = 0.0, side
+            if right == 0 or c0 > 0.0:
+                lo = _hit(b0, sx, sy, ox, oy, ux, uy, side)
+            if right == 1 or c1 < 0.0:
+                hi = _hit(b1, sx, sy, ox, oy, ux, uy, side)
+            if not hi > lo:
+                continue
+            rx, ry = sx - ox, -sy - oy
+            nx, ny = ux * rx + uy * ry, uy * rx - ux * ry
+            # The vertex across the face beats the window if it beats the end farther from it.
+            if right:
+                rival = known0 + _norm(px + hi * ux, py + hi * uy) - _norm(hi - nx, ny)
+                o, e, known_o, known_e = v2, v1, known2, known1
+            else:
+                rival = known1 + _norm(length - lo * ux, lo * uy) - _norm(lo - nx, ny)
+                o, e, known_o, known_e = v0, v2, known0, known2
+            if d > rival + slack:
+                continue
+            if not _push(
+                xyz, tx, ty, tz, beyond, o, e, lo, hi, nx, ny, d, item, known_o, known_e,
+                limit, window, window_link, heap_key, heap_item, counts,
             ):  # fmt: skip
                 return 0.0, NO_ROOM
     return best, best_link
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _hit(
     b: float, sx: float, sy: float, ox: float, oy: float, ux: float, uy: float, side: float
 ) -> float:
@@ -463,7 +510,7 @@ def window_polyline(
             f, i = h // 3, h % 3
             o, e = faces[f, i], faces[f, (i + 1) % 3]
             record = work.window[link]
-            length, px, py = apex_in_edge_frame(xyz[o], xyz[e], x)
+            length, px, py = in_edge_frame(xyz, o, e, x[0], x[1], x[2])
             _, cut = _shortest_through(record[0], record[1], record[2], record[3], px, py)
             share = cut / length
             for k in range(3):
@@ -524,7 +571,7 @@ def scratch(faces: int, vertices: int, room: int) -> Scratch:
         corner_side=np.empty(room, i32),
         path_mm=np.empty((room, 3)),
         path_face=np.empty(room, i32),
-        window=np.empty((room, 6)),
+        window=np.empty((room, 7)),
         window_link=np.empty((room, 2), i32),
         heap_key=np.empty(2 * room),
         heap_item=np.empty(2 * room, i32),
