@@ -54,3 +54,19 @@ def strain_rate_of(stretch: FloatArray, measure: str) -> FloatArray:
     if measure == "log":
         return np.asarray(1.0 / stretch)
     return np.asarray(stretch.copy())
+
+
+def check_min_strain(min_strain: float) -> None:
+    """Refuse a mask limit that is no strain.
+
+    Raises:
+        UsageError: ``min-strain-range``; give a fraction of at least 0 and below 1.
+    """
+    if not 0.0 <= min_strain < 1.0:
+        raise UsageError(
+            "min-strain-range",
+            "The smallest strain for Poisson's ratio is no fraction.",
+            remedy="Give a fraction, such as 0.03.",
+            got=min_strain,
+            expected="0 or more, below 1",
+        )
