@@ -516,7 +516,7 @@ def strip_polyline(
                 wx, wy = work.left[k, 0] - rx, work.left[k, 1] - ry
                 bottom = _cross(wx, wy, bx - ax, by - ay)
                 edge = wx * wx + wy * wy
-                if abs(bottom) > 1e-9 * np.sqrt(edge) * np.hypot(bx - ax, by - ay):
+                if abs(bottom) > 1e-12 * np.sqrt(edge) * np.hypot(bx - ax, by - ay):
                     share = _cross(ax - rx, ay - ry, bx - ax, by - ay) / bottom
                 else:  # the path runs along this edge
                     share = ((qx - rx) * wx + (qy - ry) * wy) / edge
