@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from kiribench.surface.face_grid import face_grid
 from kiribench.surface.locate import locate, project_along
 from kiribench.surface.mesh import FloatArray, Mesh, SurfacePoints
 
@@ -77,15 +78,16 @@ def project_to_skin(mesh: Mesh, points_mm: FloatArray, max_mm: float) -> Project
         points_mm: (k, 3) points near it.
         max_mm: how far the skin may be.
     """
-    start = locate(mesh, points_mm)
+    grid = face_grid(mesh)
+    start = locate(mesh, points_mm, grid=grid)
     foot = start.points.positions_mm(mesh)
     found = np.asarray(start.distance_mm <= max_mm)
     points = start.points
     normal = smooth_normals(mesh, foot)
     for _ in range(ROUNDS):
-        hit = project_along(mesh, points_mm, normal, max_mm)
-        found = found & hit.found
-        points = hit.points
+        line = project_along(mesh, points_mm, normal, max_mm, allow_miss=True, grid=grid)
+        found = found & line.hit
+        points = line.points
         foot = np.where(found[:, None], points.positions_mm(mesh), foot)
         normal = smooth_normals(mesh, foot)
     lift = ((points_mm - foot) * normal).sum(axis=1)
