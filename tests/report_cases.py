@@ -182,6 +182,7 @@ def strain_case(participant: str = "S1", *, rows: int = 16, columns: int = 12) -
     gone = reason != ""
     poisson_reason = reason.copy()
     poisson_reason[(np.abs(along) < 0.03) & ~gone] = "strain-too-small"
+    poisson_reason[rows - 3, 0] = "interval-unbounded"
 
     def estimate(values: np.ndarray, sd: float, mask: np.ndarray) -> Estimate:
         shown = np.where(mask, np.nan, values)
@@ -203,7 +204,9 @@ def strain_case(participant: str = "S1", *, rows: int = 16, columns: int = 12) -
         longitudinal_strain=estimate(along, 0.01, gone),
         lateral_strain=estimate(across, 0.01, gone),
         shear=estimate(shear, 0.012, gone),
-        poisson_ratio=estimate(ratio, 0.08, poisson_reason != ""),
+        poisson_ratio=estimate(
+            ratio, 0.08, (poisson_reason != "") & (poisson_reason != "interval-unbounded")
+        ),
         gradient=gradient,
         gradient_longitudinal_stretch=np.exp(along),
         gradient_lateral_stretch=np.exp(across),

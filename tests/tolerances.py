@@ -33,3 +33,19 @@ percentiles of the draws cover a perfect fit in 3 %."""
 
 NODE_TEXT_MM = 5e-7
 """mm: the tests' nodes tables are written with six decimals."""
+
+# --- report ---
+
+REPORT_LIGHTNESS_STEP = 8.0
+"""CIE L*: neighbouring grades and steps of a colour scale must differ by more than this, a
+clearly visible step in greyscale; the two halves of a diverging scale by less."""
+
+HARMLESS_STRETCH = 2e-6
+"""Fraction: float32 coordinates (PLY, STL, GLB) of 150 mm err by 8e-6 mm on edges of 15 mm."""
+
+HARMLESS_OVERLAP = 2e-6
+"""Fraction: the same rounding on the sides of 15 mm cells."""
+
+PICTURE_DEPTH = 3.0
+"""Multiple of h^2 / 2R by which the mean of the vertices of a cube of edge h may lie inside a
+cylinder of radius R: the diagonal of the cube's face squared is 2 h^2, plus the border."""

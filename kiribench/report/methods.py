@@ -27,9 +27,9 @@ PAPER = Reference(
 )
 GEODESICS = Reference(
     "geodesics",
-    "Xin S.-Q., Wang G.-J. Efficiently determining a locally exact shortest path on polyhedral "
-    "surfaces. Computer-Aided Design 39 (2007) 1081-1090.",
-    "https://doi.org/10.1016/j.cad.2007.08.001",
+    "Mitchell J. S. B., Mount D. M., Papadimitriou C. H. The discrete geodesic problem. SIAM J. "
+    "Comput. 16 (1987) 647-668.",
+    "https://doi.org/10.1137/0216045",
 )
 FIELLER = Reference(
     "fieller",
@@ -87,12 +87,12 @@ def _strain(subject: SubjectReport, strain: StrainField) -> str:
         f"The grid of {grid.rows} x {grid.columns} cells of {grid.pitch_mm:g} mm was measured on "
         f"the bare scans {strain.reference_pose} and {strain.deformed_pose}. "
         + (f"Noise was removed from {' and '.join(denoised)} first. " if denoised else "")
-        + "Every cell edge is an exact geodesic on the triangle mesh between nodes that may lie "
-        "inside faces (Xin and Wang 2007). A cell's longitudinal and lateral stretch are the means "
-        "of the length ratios of its two opposite edges, as in the paper. Strains are in "
-        f"{MEASURE_WORDS[strain.strain_measure]}; Poisson's ratio is minus lateral over "
-        "longitudinal strain in that measure, masked where the longitudinal strain is below "
-        f"{strain.min_strain:g}, with Fieller's 95 % interval (Fieller 1954). Shear comes from the "
+        + "Every cell edge is the exact shortest path on the triangle mesh between nodes that may "
+        "lie inside faces (Mitchell, Mount and Papadimitriou 1987). A cell's longitudinal and "
+        "lateral stretch are the means of the length ratios of its two opposite edges, as in the "
+        f"paper. Strains are in {MEASURE_WORDS[strain.strain_measure]}; Poisson's ratio is minus "
+        "lateral over longitudinal strain in that measure, masked where the longitudinal strain is "
+        f"below {strain.min_strain:g}, with Fieller's 95 % interval (1954). Shear comes from the "
         "cell's in-plane deformation gradient, fitted to its four corners."
     )
 
@@ -114,9 +114,10 @@ def _overlap(subject: SubjectReport, score: Conformability) -> str:
     return (
         f"Each of the {rows} x {columns} patch cells was compared with its cell of the drawn grid "
         f"on the bare flexed scan. Patch corners ({thickness:g} mm patch) were projected onto the "
-        "skin along its normals; sides are geodesics; both outlines were laid flat by the "
-        "logarithmic map about the skin cell's centre and intersected. The grade is by "
-        f"'{score.grade_by}': {formula}, {aligned}. Good is {percent(GOOD_FROM, 0)} or more, fair "
+        "skin along its normals; sides are geodesics; both outlines were laid flat by distance and "
+        "direction from the skin cell's centre, so that areas are kept, and intersected. The grade "
+        f"is by '{score.grade_by}': {formula}, {aligned}. "
+        f"Good is {percent(GOOD_FROM, 0)} or more, fair "
         f"{percent(FAIR_FROM, 0)} or more, poor below; these limits are the paper's."
     )
 

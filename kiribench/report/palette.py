@@ -29,7 +29,7 @@ GRADE_INK: Mapping[str, str] = MappingProxyType(
     {"good": "#0f2233", "fair": "#33270a", "poor": "#ffffff"}
 )
 
-# Crameri-like diverging scale, dark blue - white - dark brown, even steps of lightness.
+# Diverging, dark blue - white - dark brown; lightness falls evenly to both ends (tested).
 DIVERGING = ("#123a63", "#3f78ad", "#9cc3e0", "#f6f6f4", "#e3b98c", "#b8713a", "#67320f")
 # One hue, light to dark, for ratios from 0 to 1.
 SEQUENTIAL = ("#f4f7f9", "#cfe0ec", "#9cc3e0", "#5f99c7", "#2f6ea3")
@@ -48,5 +48,5 @@ def ink_on(rgb: tuple[float, float, float]) -> str:
     red, green, blue = (linear(channel) for channel in rgb)
     luminance = 0.2126 * red + 0.7152 * green + 0.0722 * blue
     contrast_white = 1.05 / (luminance + 0.05)
-    contrast_ink = (luminance + 0.05) / 0.0696
-    return PAPER if contrast_white > contrast_ink else INK
+    contrast_black = (luminance + 0.05) / 0.05
+    return PAPER if contrast_white > contrast_black else "#000000"

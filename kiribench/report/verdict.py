@@ -6,8 +6,7 @@ from kiribench.conformability.result import FAIR_FROM, Conformability, RegionSco
 from kiribench.report.words import listing, percent, percent_span
 
 SYNTHETIC_NOTE = (
-    "Synthetic data: the leg, its skin and the patch were computed from closed formulas; "
-    "nobody wore anything."
+    "Synthetic data: all scans were computed. Nobody was scanned and nobody wore a patch."
 )
 
 

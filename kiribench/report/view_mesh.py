@@ -11,6 +11,9 @@ from kiribench.surface.mesh import Mesh
 
 FloatArray = NDArray[np.float64]
 
+#: Faces a point whose normals are averaged: one alone leans with its triangle.
+NEAR_FACES = 8
+
 
 @dataclass(frozen=True, eq=False)
 class FrontView:
@@ -52,11 +55,12 @@ def front_view(mesh: Mesh, centres_mm: FloatArray, normals: FloatArray | None = 
 
 
 def nearest_normals(mesh: Mesh, points_mm: FloatArray) -> FloatArray:
-    """(k, 3) unit normals of the faces whose middles are nearest to the points."""
+    """(n, 3) unit normals of the faces whose middles are nearest to the points."""
     from scipy.spatial import cKDTree
 
     tree = cKDTree(mesh.corners_mm.mean(axis=1))
-    return mesh.face_normals[tree.query(points_mm)[1]]
+    _, near = tree.query(points_mm, k=min(NEAR_FACES, len(mesh.faces)))
+    return np.asarray(mesh.face_normals[near.reshape(-1)])
 
 
 def decimate(mesh: Mesh, faces: int) -> tuple[FloatArray, NDArray[np.int32]]:

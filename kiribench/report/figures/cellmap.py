@@ -97,7 +97,7 @@ class Sheet:
         from matplotlib.patches import Rectangle
 
         style = {"facecolor": "none", "edgecolor": "#ffffff", "linewidth": 1.2, **style}
-        axes.add_patch(Rectangle((self.x(column), row), 1, 1, clip_on=False, **style))
+        axes.add_artist(Rectangle((self.x(column), row), 1, 1, clip_on=False, **style))
 
     def write(
         self, axes: Axes, row: float, column: float, words: str, *, dy_px: float = 0.0, **style: Any

@@ -27,6 +27,7 @@ def heatmap(
     name: str,
     alt: str,
     reasons: Mapping[tuple[int, int], str] | None = None,
+    doubtful: NDArray[np.bool_] | None = None,
     patch: tuple[int, int, int, int] | None = None,
 ) -> Html:
     """A map of a signed quantity on a scale that is symmetric about zero.
@@ -39,6 +40,7 @@ def heatmap(
         mirrored: lateral at the right (a left leg seen from the front).
         name, alt: see :func:`kiribench.report.svg.inline_svg`.
         reasons: (row, column) -> one letter that says why a cell is masked.
+        doubtful: (R, C) cells whose value gets an asterisk.
         patch: row, column, rows and columns of the patch in this grid, drawn as an outline.
     """
     from matplotlib.colors import LinearSegmentedColormap
@@ -68,7 +70,10 @@ def heatmap(
                     continue
                 fill = scale(0.5 + 0.5 * float(np.clip(value / limit, -1, 1)))[:3]
                 sheet.box(axes, row, column, facecolor=fill, linewidth=0.8)
-                sheet.write(axes, row, column, short(value), fontsize=9.5, color=ink_on(fill))
+                star = "*" if doubtful is not None and doubtful[row, column] else ""
+                sheet.write(
+                    axes, row, column, short(value) + star, fontsize=9.5, color=ink_on(fill)
+                )
         _extremes(sheet, axes, values)
         if patch is not None:
             sheet.frame(axes, *patch)

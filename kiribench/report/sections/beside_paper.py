@@ -44,8 +44,9 @@ def paper_section(subject: SubjectReport) -> Html | None:
         tag(
             "p",
             "Bali, Li, Chen and Li (arXiv 2511.13941) measured three people by hand. ",
-            "This subject is synthetic and was shaped after the paper's description, so agreement "
-            "is no evidence about their patches. "
+            "This subject is synthetic: kiribench's synthetic knees imitate the paper's "
+            "description and their misfit was chosen to give its ratios, so agreement is no "
+            "evidence about any worn patch. "
             if subject.synthetic
             else "Their scans are not public, so only summary values can be compared. ",
         ),

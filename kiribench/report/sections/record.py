@@ -178,7 +178,7 @@ def _strain_table(strain: StrainField) -> Html:
                 "Shear",
                 "ν",
                 "95 % interval of ν",
-                "Why masked",
+                "Remark",
             ),
             rows,
             caption=f"Stretch (length ratio), strain ({strain.strain_measure}), shear and "

@@ -17,7 +17,6 @@ LETTERS = {
     "node-missing": "m",
     "cell-degenerate": "d",
     "strain-too-small": "s",
-    "interval-unbounded": "u",
 }
 POISSON_CEILING = 2.0
 MEASURE = {"log": "logarithmic", "engineering": "engineering", "green": "Green-Lagrange"}
@@ -57,7 +56,7 @@ def skin_section(subject: SubjectReport, strain: StrainField) -> Html:
             "Poisson's ratio ν = −lateral / longitudinal strain: blue (negative) widens while it "
             "lengthens. "
             f"Median {number(_median(strain.poisson_ratio.value))}. Not given where the "
-            f"longitudinal strain is below {strain.min_strain:g} or the nodes are too uncertain.",
+            f"longitudinal strain is below {strain.min_strain:g}.",
         ),
         (
             "shear",
@@ -80,6 +79,7 @@ def skin_section(subject: SubjectReport, strain: StrainField) -> Html:
                 alt=f"Heatmap of {label}, {strain.shape[0]} by {strain.shape[1]} cells, "
                 f"from {_range(values)}.",
                 reasons=_letters(reason),
+                doubtful=np.asarray(reason == "interval-unbounded"),
                 patch=patch,
             ),
             caption,
@@ -127,15 +127,22 @@ def _letters(reason: NDArray[np.str_]) -> dict[tuple[int, int], str]:
 
 
 def _masked(strain: StrainField) -> str:
-    codes = [str(code) for code in np.unique(strain.poisson_reason) if code]
+    reason = strain.poisson_reason
+    unbounded = int((reason == "interval-unbounded").sum())
+    star = (
+        f" An asterisk marks {count(unbounded, 'value')} of ν without a finite 95 % interval."
+        if unbounded
+        else ""
+    )
+    codes = [str(code) for code in np.unique(reason) if code not in ("", "interval-unbounded")]
     if not codes:
-        return "No cell is masked."
+        return "No cell is masked." + star
     parts = [
         f"{LETTERS.get(code, '?')} = {REASONS.get(code, code).rstrip('.').lower()} "
-        f"({count(int((strain.poisson_reason == code).sum()), 'cell')})"
+        f"({count(int((reason == code).sum()), 'cell')})"
         for code in codes
     ]
-    return f"Hatched cells are masked: {listing(parts)}."
+    return f"Hatched cells are masked: {listing(parts)}.{star}"
 
 
 def _range(values: NDArray[np.float64]) -> str:
