@@ -26,42 +26,70 @@ def vertex_faces(faces, vertex_count):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def filter_normals(  # type: ignore[no-untyped-def]
-    normals, guide, centres, areas, faces, offsets, items, range_scale, space_mm
-):
-    """One pass of joint bilateral filtering of face normals over vertex-sharing faces.
+def face_neighbours(centres, areas, faces, offsets, items, space_mm):  # type: ignore[no-untyped-def]
+    """The faces that share a vertex with each face, and their weights.
 
-    normals, guide, centres (m, 3); areas (m,); a weight is area x Gaussian of the distance of
-    centres (``space_mm``) x Gaussian of the difference of guide normals (``range_scale``).
+    Returns bounds (m+1,) int64, others int32 and weights float32: area x Gaussian of the
+    distance of the centres (``space_mm``), relative to the face's own area.
+    """
+    count = len(faces)
+    bounds = np.zeros(count + 1, np.int64)
+    others = np.empty(0, np.int32)
+    weights = np.empty(0, np.float32)
+    per_space = 0.5 / (space_mm * space_mm)
+    for filling in range(2):
+        if filling:
+            others = np.empty(bounds[count], np.int32)
+            weights = np.empty(bounds[count], np.float32)
+        at = 0
+        for face in range(count):
+            first, second = faces[face, 0], faces[face, 1]
+            for corner in range(3):
+                vertex = faces[face, corner]
+                for place in range(offsets[vertex], offsets[vertex + 1]):
+                    other = items[place]
+                    a, b, c = faces[other, 0], faces[other, 1], faces[other, 2]
+                    if other == face:
+                        continue
+                    if corner > 0 and (a == first or b == first or c == first):
+                        continue
+                    if corner > 1 and (a == second or b == second or c == second):
+                        continue
+                    if filling:
+                        apart = 0.0
+                        for axis in range(3):
+                            apart += (centres[other, axis] - centres[face, axis]) ** 2
+                        others[at] = other
+                        weights[at] = (
+                            areas[other] / max(areas[face], 1e-30) * np.exp(-apart * per_space)
+                        )
+                    at += 1
+            bounds[face + 1] = at
+    return bounds, others, weights
+
+
+@njit(cache=True)
+def filter_normals(normals, guide, bounds, others, weights, range_scale):  # type: ignore[no-untyped-def]
+    """One pass of joint bilateral filtering of the face normals (m, 3).
+
+    A neighbour counts by its weight x Gaussian of the difference of the guide normals
+    (``range_scale``; 0: by its weight alone).
     """
     out = np.empty_like(normals)
-    per_space = 0.5 / (space_mm * space_mm)
-    per_range = 0.5 / (range_scale * range_scale)
-    for face in range(len(faces)):
-        x = areas[face] * normals[face, 0]
-        y = areas[face] * normals[face, 1]
-        z = areas[face] * normals[face, 2]
-        first, second = faces[face, 0], faces[face, 1]
-        for corner in range(3):
-            vertex = faces[face, corner]
-            for place in range(offsets[vertex], offsets[vertex + 1]):
-                other = items[place]
-                if other == face:
-                    continue
-                a, b, c = faces[other, 0], faces[other, 1], faces[other, 2]
-                if corner > 0 and (a == first or b == first or c == first):
-                    continue
-                if corner > 1 and (a == second or b == second or c == second):
-                    continue
-                apart = 0.0
-                turned = 0.0
-                for axis in range(3):
-                    apart += (centres[other, axis] - centres[face, axis]) ** 2
-                    turned += (guide[other, axis] - guide[face, axis]) ** 2
-                weight = areas[other] * np.exp(-apart * per_space - turned * per_range)
-                x += weight * normals[other, 0]
-                y += weight * normals[other, 1]
-                z += weight * normals[other, 2]
+    per_range = 0.5 / (range_scale * range_scale) if range_scale > 0.0 else 0.0
+    for face in range(len(normals)):
+        x, y, z = normals[face, 0], normals[face, 1], normals[face, 2]
+        for place in range(bounds[face], bounds[face + 1]):
+            other = others[place]
+            weight = np.float64(weights[place])
+            if per_range > 0.0:
+                i = guide[other, 0] - guide[face, 0]
+                j = guide[other, 1] - guide[face, 1]
+                k = guide[other, 2] - guide[face, 2]
+                weight *= np.exp(-(i * i + j * j + k * k) * per_range)
+            x += weight * normals[other, 0]
+            y += weight * normals[other, 1]
+            z += weight * normals[other, 2]
         length = np.sqrt(x * x + y * y + z * z)
         if length > 0.0:
             out[face, 0] = x / length

@@ -1,0 +1,331 @@
+"""Bring one scan rigidly onto another by the skin that both show.
+
+Point-to-plane iterated closest points (Chen and Medioni 1992, doi 10.1016/0262-8856(92)90066-C)
+with trimming (Chetverikov, Stepanov and Krsek 2005, doi 10.1016/j.imavis.2004.05.007): samples
+uniform in area on the moving scan, exact closest points on the fixed one, partners on its
+border or of another direction left out, the worst residuals left out. A patch that lies over
+the skin is excluded by mask, or, if it covers less than half of what is seen, by trimming.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kiribench.errors import NotConvergedError, RegistrationError
+from kiribench.surface import connectivity, denoise_kernels
+from kiribench.surface.face_grid import face_grid
+from kiribench.surface.locate import locate
+from kiribench.surface.mesh import FloatArray, Mesh
+from kiribench.surface.rigid import RigidTransform, rotation_of
+
+TRIM = 0.8
+SAMPLES = 8000
+LEAST_OVERLAP = 0.3
+LEAST_INLIERS = 0.4
+LEAST_POINTS = 200
+LARGEST_RMS_MM = 1.0
+LARGEST_ANGLE_DEG = 45.0
+STEP_TOLERANCE_MM = 1e-3
+MOST_ITERATIONS = 200
+
+_OUTLIER_SIGMAS = 3.0
+_SIGMA_OF_MEDIAN = 1.4826
+_FLOOR_MM = 0.01  # residuals below this are never outliers
+_BLOCK_MM = 10.0  # residuals within a block may be correlated
+_FREE = 1e-9  # share of the stiffest direction below which one is left alone
+
+
+@dataclass(frozen=True, eq=False)
+class Registration:
+    """How the moving scan was brought onto the fixed one.
+
+    Attributes:
+        rotation: (3, 3), translation_mm: (3,): fixed = rotation moving + translation.
+        residual_rms_mm: rms distance along normals of the points used.
+        initial_rms_mm: the same quantity, trimmed in the same way, before the first step.
+        inlier_fraction: points used / points sampled on the moving scan.
+        overlap_fraction: points with a partner on the fixed scan / points sampled.
+        points_used: how many.
+        covariance: (6, 6) of (rotation vector in radians about ``centre_mm``, translation in
+            mm), in the fixed scan's frame; robust to residuals that are correlated within
+            10 mm. A direction that the shape does not fix has a large variance here.
+        centre_mm: (3,) centre of the points used, fixed frame.
+        iterations: how many steps.
+    """
+
+    rotation: FloatArray
+    translation_mm: FloatArray
+    residual_rms_mm: float
+    initial_rms_mm: float
+    inlier_fraction: float
+    overlap_fraction: float
+    points_used: int
+    covariance: FloatArray
+    centre_mm: FloatArray
+    iterations: int
+
+    @property
+    def transform(self) -> RigidTransform:
+        """The motion from the moving frame to the fixed one."""
+        return RigidTransform(self.rotation, self.translation_mm)
+
+    @property
+    def improvement(self) -> float:
+        """Share by which the residual fell from the initial motion; 0 if it did not."""
+        if self.initial_rms_mm <= 0:
+            return 0.0
+        return max(0.0, 1.0 - self.residual_rms_mm / self.initial_rms_mm)
+
+    def point_covariance_mm2(self, points_mm: FloatArray) -> FloatArray:
+        """(k, 3, 3) covariance of where the motion puts points.
+
+        Args:
+            points_mm: (k, 3) in the fixed frame.
+        """
+        jacobian = np.zeros((len(points_mm), 3, 6))
+        x, y, z = (points_mm - self.centre_mm).T
+        # d(w x r)/dw
+        jacobian[:, 0, 1], jacobian[:, 0, 2] = z, -y
+        jacobian[:, 1, 0], jacobian[:, 1, 2] = -z, x
+        jacobian[:, 2, 0], jacobian[:, 2, 1] = y, -x
+        jacobian[:, :, 3:] = np.eye(3)
+        return np.asarray(jacobian @ self.covariance @ jacobian.transpose(0, 2, 1))
+
+    def sample(self, rng: np.random.Generator, size: int) -> list[RigidTransform]:
+        """``size`` motions drawn from the estimate's uncertainty."""
+        draws = rng.multivariate_normal(np.zeros(6), self.covariance, size, method="eigh")
+        best = self.transform
+        moved = []
+        for draw in draws:
+            turn = rotation_of(draw[:3])
+            shift = self.centre_mm - turn @ self.centre_mm + draw[3:]
+            moved.append(RigidTransform(turn, shift).after(best))
+        return moved
+
+
+def register(
+    moving: Mesh,
+    fixed: Mesh,
+    *,
+    initial: RigidTransform | None = None,
+    exclude_moving: NDArray[np.bool_] | None = None,
+    exclude_fixed: NDArray[np.bool_] | None = None,
+    trim: float = TRIM,
+    samples: int = SAMPLES,
+    seed: int = 0,
+    least_overlap: float = LEAST_OVERLAP,
+    largest_rms_mm: float = LARGEST_RMS_MM,
+) -> Registration:
+    """Find the rigid motion that brings ``moving`` onto ``fixed``.
+
+    Args:
+        moving: the bare scan, mm, repaired.
+        fixed: the worn scan, mm, repaired.
+        initial: a first guess, right within about a centimetre and 15 degrees, such as
+            :func:`kiribench.surface.rigid.kabsch` of corresponding nodes; default: none moves.
+        exclude_moving: (m,) bool, faces of ``moving`` to leave out (skin under the patch).
+        exclude_fixed: (m,) bool, faces of ``fixed`` to leave out (the patch).
+        trim: share of the partnered points that is used at most.
+        samples: points on the moving scan.
+        seed: of the samples.
+        least_overlap: share of the samples that must have a partner.
+        largest_rms_mm: residual above which the fit is refused.
+
+    Raises:
+        RegistrationError: ``registration-overlap`` (the scans share too little skin),
+            ``registration-inliers`` or ``registration-residual`` (they do not fit).
+        NotConvergedError: ``registration-not-converged``.
+    """
+    if not 0.0 < trim <= 1.0:
+        raise ValueError(f"trim is a share in (0, 1], not {trim}")
+    rng = np.random.default_rng(seed)
+    points, directions = _area_samples(moving, exclude_moving, samples, rng)
+    partners = _Partners(fixed, exclude_fixed)
+    pose = initial or RigidTransform.identity()
+    initial_rms = float("nan")
+    for iteration in range(1, MOST_ITERATIONS + 1):
+        pairs = partners.find(pose.apply(points), directions @ pose.rotation.T)
+        _require(len(pairs.residual) / len(points), len(pairs.residual), least_overlap)
+        used = _trimmed(pairs.residual, trim)
+        rows, centre, reach = _rows(pairs, used)
+        residual = pairs.residual[used]
+        if iteration == 1:
+            initial_rms = float(np.sqrt(np.mean(residual**2)))
+        step = _solve(rows, residual) / np.array([reach] * 3 + [1.0] * 3)
+        turn = rotation_of(step[:3])
+        pose = RigidTransform(turn, centre - turn @ centre + step[3:]).after(pose)
+        if np.linalg.norm(step[:3]) * reach + np.linalg.norm(step[3:]) < STEP_TOLERANCE_MM:
+            break
+    else:
+        raise NotConvergedError(
+            "registration-not-converged",
+            f"The registration still moved after {MOST_ITERATIONS} steps.",
+            remedy="Give a better first guess (corresponding nodes), or exclude what differs.",
+        )
+    pairs = partners.find(pose.apply(points), directions @ pose.rotation.T)
+    used = _trimmed(pairs.residual, trim)
+    rows, centre, reach = _rows(pairs, used)
+    residual = pairs.residual[used]
+    rms = float(np.sqrt(np.mean(residual**2)))
+    _require(len(pairs.residual) / len(points), len(residual), least_overlap)
+    if len(residual) < LEAST_INLIERS * len(pairs.residual):
+        raise RegistrationError(
+            "registration-inliers",
+            "Most of the skin that both scans show does not fit.",
+            remedy="Check that both scans are of the same leg in the same pose, exclude the "
+            "patch, and give corresponding nodes for a first guess.",
+            got=f"{len(residual) / len(pairs.residual):.0%} of the partnered points",
+            expected=f"at least {LEAST_INLIERS:.0%}",
+        )
+    if rms > largest_rms_mm:
+        raise RegistrationError(
+            "registration-residual",
+            "The scans do not fit after registration.",
+            remedy="Check that both scans are of the same leg in the same pose.",
+            got=f"a residual of {rms:.3f} mm rms",
+            expected=f"at most {largest_rms_mm:g} mm",
+        )
+    return Registration(
+        rotation=pose.rotation,
+        translation_mm=pose.translation_mm,
+        residual_rms_mm=rms,
+        initial_rms_mm=initial_rms,
+        inlier_fraction=len(residual) / len(points),
+        overlap_fraction=len(pairs.residual) / len(points),
+        points_used=len(residual),
+        covariance=_covariance(rows, residual, pairs.position[used], reach),
+        centre_mm=centre,
+        iterations=iteration,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Pairs:
+    position: FloatArray  # (k, 3) on the moving scan, fixed frame
+    normal: FloatArray  # (k, 3) of the fixed scan at the partner
+    residual: FloatArray  # (k,) along the normal, from the point to its partner
+
+
+class _Partners:
+    """The fixed scan, ready to be asked for closest points."""
+
+    def __init__(self, mesh: Mesh, exclude: NDArray[np.bool_] | None) -> None:
+        self._mesh = mesh
+        self._grid = face_grid(mesh)
+        self._allowed = np.ones(len(mesh.faces), dtype=bool)
+        if exclude is not None:
+            self._allowed &= ~exclude
+        count = len(mesh.vertices_mm)
+        self._normals = denoise_kernels.vertex_directions(
+            mesh.face_normals, mesh.face_areas_mm2, mesh.faces, count
+        )
+        order, starts = connectivity.edge_groups(mesh.faces, count)
+        border = order[starts[:-1][np.diff(starts) == 1]]
+        on_border = np.zeros(count, dtype=bool)
+        on_border[mesh.faces[border // 3, border % 3]] = True
+        on_border[mesh.faces[border // 3, (border + 1) % 3]] = True
+        self._allowed &= ~on_border[mesh.faces].any(axis=1)
+
+    def find(self, points: FloatArray, directions: FloatArray) -> _Pairs:
+        found = locate(self._mesh, points, grid=self._grid).points
+        corners = self._mesh.faces[found.faces]
+        normal = np.einsum("kc,kcx->kx", found.barycentric, self._normals[corners])
+        normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
+        kept = self._allowed[found.faces] & (
+            np.einsum("kx,kx->k", normal, directions) > np.cos(np.radians(LARGEST_ANGLE_DEG))
+        )
+        gap = found.positions_mm(self._mesh)[kept] - points[kept]
+        return _Pairs(points[kept], normal[kept], np.einsum("kx,kx->k", gap, normal[kept]))
+
+
+def _area_samples(
+    mesh: Mesh, exclude: NDArray[np.bool_] | None, samples: int, rng: np.random.Generator
+) -> tuple[FloatArray, FloatArray]:
+    """Points uniform in area on the allowed faces, and the smooth normals there."""
+    area = mesh.face_areas_mm2.copy()
+    if exclude is not None:
+        area[exclude] = 0.0
+    if not area.sum() > 0:
+        raise RegistrationError(
+            "registration-overlap",
+            "Nothing is left of the moving scan outside the excluded part.",
+            remedy="Exclude less: the skin around the patch is what registers the scans.",
+        )
+    # Systematic sampling of the cumulated area: even, whatever the size of the faces.
+    ticks = (np.arange(samples) + rng.random()) / samples * area.sum()
+    face = np.minimum(np.searchsorted(np.cumsum(area), ticks, side="right"), len(area) - 1)
+    root, along = np.sqrt(rng.random(samples)), rng.random(samples)
+    weights = np.column_stack([1.0 - root, root * (1.0 - along), root * along])
+    normals = denoise_kernels.vertex_directions(
+        mesh.face_normals, mesh.face_areas_mm2, mesh.faces, len(mesh.vertices_mm)
+    )
+    corners = mesh.faces[face]
+    points = np.einsum("kc,kcx->kx", weights, mesh.vertices_mm[corners])
+    direction = np.einsum("kc,kcx->kx", weights, normals[corners])
+    direction /= np.maximum(np.linalg.norm(direction, axis=1, keepdims=True), 1e-30)
+    return np.asarray(points), np.asarray(direction)
+
+
+def _require(overlap: float, points: int, least: float) -> None:
+    if overlap >= least and points >= LEAST_POINTS:
+        return
+    raise RegistrationError(
+        "registration-overlap",
+        "The two scans share too little skin to be registered.",
+        remedy="Scan more skin around the patch, give corresponding nodes for a first guess, "
+        "or exclude less.",
+        got=f"{overlap:.0%} of the skin outside the patch ({points} points)",
+        expected=f"at least {least:.0%} and {LEAST_POINTS} points",
+    )
+
+
+def _trimmed(residual: FloatArray, trim: float) -> NDArray[np.intp]:
+    """The points to use: the best ``trim`` share, less those beyond 3 robust sigmas."""
+    size = np.abs(residual)
+    limit = _OUTLIER_SIGMAS * _SIGMA_OF_MEDIAN * float(np.median(size))
+    kept = np.argsort(size, kind="stable")[: max(6, int(np.ceil(trim * len(size))))]
+    return np.sort(kept[size[kept] <= max(limit, _FLOOR_MM)])
+
+
+def _rows(pairs: _Pairs, used: NDArray[np.intp]) -> tuple[FloatArray, FloatArray, float]:
+    """The equations ``rows @ (reach * w, t) = residual`` about the points' centre."""
+    position, normal = pairs.position[used], pairs.normal[used]
+    centre = position.mean(axis=0)
+    arm = position - centre
+    reach = float(np.sqrt(np.mean(np.sum(arm**2, axis=1))))
+    return np.hstack([np.cross(arm, normal) / reach, normal]), centre, reach
+
+
+def _solve(rows: FloatArray, residual: FloatArray) -> FloatArray:
+    """Least squares; directions that the shape leaves free are not moved along."""
+    values, vectors = np.linalg.eigh(rows.T @ rows)
+    firm = values > _FREE * values[-1]
+    along = vectors.T @ (rows.T @ residual)
+    return np.asarray(vectors @ np.where(firm, along / np.where(firm, values, 1.0), 0.0))
+
+
+def _covariance(
+    rows: FloatArray, residual: FloatArray, position: FloatArray, reach: float
+) -> FloatArray:
+    """Sandwich covariance with 10 mm blocks as clusters (Liang and Zeger 1986,
+    doi 10.1093/biomet/73.1.13), in (radians, mm).
+    """
+    normal = rows.T @ rows
+    values, vectors = np.linalg.eigh(normal)
+    inverse = (vectors / np.maximum(values, _FREE * values[-1])) @ vectors.T
+    block = np.floor(position / _BLOCK_MM).astype(np.int64)
+    _, label = np.unique(block, axis=0, return_inverse=True)
+    blocks = int(label.max()) + 1
+    score = np.zeros((blocks, 6))
+    np.add.at(score, label.reshape(-1), rows * residual[:, None])
+    freedom = blocks / max(blocks - 6, 1)
+    # A block's mean residual may be near zero by the fit itself: never below independence.
+    robust = inverse @ (freedom * score.T @ score) @ inverse
+    plain = inverse * float(residual @ residual) / max(len(residual) - 6, 1)
+    scale = np.diag([1.0 / reach] * 3 + [1.0] * 3)
+    larger = robust if np.trace(robust) > np.trace(plain) else plain
+    covariance = scale @ larger @ scale
+    return np.asarray(0.5 * (covariance + covariance.T))
