@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -71,6 +72,10 @@ class Folder:
                 expected="a file",
             )
         return None
+
+    def usable(self, path: Path) -> bool:
+        """Whether ``path`` is a readable file inside the dataset, that may be opened."""
+        return present(path) and self.refuse(path) is None and os.access(path, os.R_OK)
 
     def read(self, path: Path) -> tuple[bytes | None, tuple[Fault, ...]]:
         """The bytes of a file, or None with the fault that says why there are none."""

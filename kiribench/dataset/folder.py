@@ -82,7 +82,8 @@ class Dataset:
     def files(self) -> tuple[Path, ...]:
         """The files of the folder as a whole, for provenance."""
         candidates = (self.root / DESCRIPTION, self.root / "participants.tsv")
-        return tuple(path for path in candidates if path.is_file())
+        folder = Folder.at(self.root)
+        return tuple(path for path in candidates if folder.usable(path))
 
 
 def check_dataset(root: Path | str) -> tuple[Fault, ...]:

@@ -105,7 +105,7 @@ def _read_acquisition(
     if not scans and not any(present(path) for path in paths.values()):
         return None
     faults: list[Fault] = []
-    files = [*scans, *(path for path in paths.values() if path.is_file())]
+    files = [path for path in (*scans, *paths.values()) if folder.usable(path)]
     scan = _one_scan(folder, surf, stem, scans, faults)
     sidecar = _scan_sidecar(folder, paths["sidecar"], name, faults)
     nodes = _nodes(folder, paths["nodes"], paths["nodes sidecar"], name, layout, faults)
