@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -87,8 +88,8 @@ def _extent(xyz: FloatArray, faces: IntArray) -> tuple[FloatArray, FloatArray, f
 @njit(cache=True)
 def box_index(grid_low: FloatArray, box: float, shape: NDArray[np.int64], x: int, v: float) -> int:
     """Index of the box that holds coordinate ``v`` on axis ``x``, clamped to the grid."""
-    at = int(np.floor((v - grid_low[x]) / box))
-    return min(max(at, 0), shape[x] - 1)
+    at = math.floor((v - grid_low[x]) / box)
+    return int(min(max(at, 0), shape[x] - 1))
 
 
 @njit(cache=True)

@@ -4,31 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from kiribench.errors import Fault, NodesError, NotConvergedError, PathError
-from kiribench.surface.geodesic_strip import (
-    Scratch,
-    distance,
-    find_strip,
-    shorten,
-    strip_polyline,
-)
-from kiribench.surface.geodesic_windows import scratch, search, window_polyline
+from kiribench.surface.geodesic_kernels import NO_ROOM, Scratch, scratch
+from kiribench.surface.geodesic_pairs import DONE, NO_STRIP, solve_pairs
 from kiribench.surface.mesh import FloatArray, IntArray, Mesh, SurfacePoints
 from kiribench.surface.topology import Topology, topology
 
 # A weight below this puts the point on the edge: it moves by less than 1e-12 of a face's size.
 ON_EDGE = 1e-12
 WEIGHT_TOLERANCE = 1e-6  # how far given weights may be from a convex combination
+_SHORT_STEP = 1e-9  # of the path's length; a shorter first step does not give its direction
 FIRST_ROOM = 1 << 14
 MOST_ROOM = 1 << 23  # windows a pair; 0.7 GB
 
-_DONE, _NO_ROOM, _NO_STRIP, _UNREACHED = 0, -2, -3, -4
 
 Labels = Sequence[str] | Sequence[tuple[str, str]]
 
@@ -90,11 +82,17 @@ def geodesics(
     lengths, offsets, path, face = _solve_all(mesh, sources, targets, labels, topology, True)
     begin, end = offsets[:-1], offsets[1:]
     direction = np.zeros((len(lengths), 3))
-    for k in np.flatnonzero(lengths > 0):
-        steps = path[begin[k] + 1 : end[k]] - path[begin[k]]
-        away = np.linalg.norm(steps, axis=1)
-        first = int(np.argmax(away > 1e-9 * lengths[k]))
-        direction[k] = steps[first] / away[first]
+    if len(lengths):
+        step = path[begin + 1] - path[begin]
+        size = np.linalg.norm(step, axis=1)
+        for k in np.flatnonzero((size <= _SHORT_STEP * lengths) & (lengths > 0)):
+            steps = path[begin[k] + 1 : end[k]] - path[begin[k]]
+            sizes = np.linalg.norm(steps, axis=1)
+            first = int(np.argmax(sizes > _SHORT_STEP * lengths[k]))
+            step[k], size[k] = steps[first], sizes[first]
+        direction = np.divide(
+            step, size[:, None], out=direction, where=((lengths > 0) & (size > 0))[:, None]
+        )
     return Geodesics(lengths, direction, offsets, path, face)
 
 
@@ -135,14 +133,14 @@ def _solve_all(
     work = scratch(len(faces), len(xyz), room)
     k = 0
     while True:
-        k, status = _solve(
+        k, status = solve_pairs(
             xyz, faces, table.twins, table.corner_offsets, table.corners,
             source_faces, source_weights, target_faces, target_weights,
             k, unbounded, paths, lengths, offsets, work,
         )  # fmt: skip
-        if status == _DONE:
+        if status == DONE:
             break
-        if status == _NO_ROOM:
+        if status == NO_ROOM:
             room *= 2
             if room > MOST_ROOM + 4 * int(offsets[k]):
                 raise NotConvergedError(
@@ -151,7 +149,7 @@ def _solve_all(
                     remedy="Denoise or repair the scan near these points.",
                 )
             work = _with_room(work, room, int(offsets[k]))
-        elif status == _NO_STRIP:
+        elif status == NO_STRIP:
             _check_connected(table, source_faces, target_faces, labels)
             unbounded[k] = True  # connected at a vertex only: the exact search alone finds it
         else:
@@ -222,150 +220,3 @@ def _with_room(work: Scratch, room: int, used: int) -> Scratch:
     bigger.path_mm[:used] = work.path_mm[:used]
     bigger.path_face[:used] = work.path_face[:used]
     return bigger
-
-
-@njit(cache=True)
-def faces_at(
-    faces: IntArray,
-    twins: IntArray,
-    offsets: IntArray,
-    corners: IntArray,
-    face: int,
-    weights: FloatArray,
-) -> Any:
-    """All faces that hold a point: one, two across an edge, or those at a vertex; its weights."""
-    zeros = 0
-    for i in range(3):
-        if weights[i] == 0.0:
-            zeros += 1
-    if zeros == 2:
-        at = 0
-        for i in range(3):
-            if weights[i] > 0.0:
-                at = i
-        v = faces[face, at]
-        n = offsets[v + 1] - offsets[v]
-        held = np.empty(n, np.int32)
-        place = np.zeros((n, 3))
-        for k in range(n):
-            corner = corners[offsets[v] + k]
-            held[k] = corner // 3
-            place[k, corner % 3] = 1.0
-        return held, place
-    other = -1
-    edge = 0
-    if zeros == 1:
-        for i in range(3):
-            if weights[(i + 2) % 3] == 0.0:
-                edge = i
-        other = twins[face, edge]
-    held = np.empty(2 if other >= 0 else 1, np.int32)
-    place = np.zeros((len(held), 3))
-    held[0] = face
-    place[0] = weights
-    if other >= 0:
-        held[1] = other // 3
-        place[1, other % 3] = weights[(edge + 1) % 3]
-        place[1, (other % 3 + 1) % 3] = weights[edge]
-    return held, place
-
-
-@njit(cache=True)
-def _point(xyz: FloatArray, faces: IntArray, f: int, weights: FloatArray) -> FloatArray:
-    p = np.zeros(3)
-    for i in range(3):
-        if weights[i] != 0.0:
-            for x in range(3):
-                p[x] += weights[i] * xyz[faces[f, i], x]
-    return p
-
-
-@njit(cache=True)
-def _solve(
-    xyz: FloatArray,
-    faces: IntArray,
-    twins: IntArray,
-    offsets: IntArray,
-    corners: IntArray,
-    source_faces: IntArray,
-    source_weights: FloatArray,
-    target_faces: IntArray,
-    target_weights: FloatArray,
-    first: int,
-    unbounded: NDArray[np.bool_],
-    paths: bool,
-    lengths: FloatArray,
-    path_offsets: NDArray[np.int64],
-    work: Scratch,
-) -> tuple[int, int]:
-    """Solve the pairs from ``first`` on; the pair where it stopped, and why."""
-    for k in range(first, len(lengths)):
-        at = path_offsets[k]
-        stamp = k + 1
-        s = _point(xyz, faces, source_faces[k], source_weights[k])
-        t = _point(xyz, faces, target_faces[k], target_weights[k])
-        s_held, s_place = faces_at(
-            faces, twins, offsets, corners, source_faces[k], source_weights[k]
-        )
-        t_held, t_place = faces_at(
-            faces, twins, offsets, corners, target_faces[k], target_weights[k]
-        )
-        shared = -1
-        for i in range(len(t_held)):
-            work.target_stamp[t_held[i]] = stamp
-        for i in range(len(s_held)):
-            if work.target_stamp[s_held[i]] == stamp:
-                shared = s_held[i]
-        if shared >= 0:
-            lengths[k] = distance(s, t)
-            if paths:
-                if at + 3 > len(work.path_mm):
-                    return k, _NO_ROOM
-                work.path_mm[at] = s
-                work.path_mm[at + 1] = t
-                work.path_face[at] = shared
-                work.path_face[at + 1] = shared
-                at += 2
-            path_offsets[k + 1] = at
-            continue
-        start = source_faces[k]
-        bound = np.inf
-        count = bends = 0
-        if not unbounded[k]:
-            count = find_strip(xyz, faces, twins, s, start, t, stamp, work)
-            if count == -1:
-                return k, _NO_STRIP
-            if count >= 0:
-                count, bends, bound = shorten(
-                    xyz, faces, twins, source_weights[k], s, t, count, work
-                )
-            if count == -2:
-                return k, _NO_ROOM
-        strip_at = at
-        if paths and not unbounded[k]:
-            at = strip_polyline(
-                xyz, faces, twins, s, start, source_weights[k], t, count, bends, strip_at, work
-            )
-            if at < 0:
-                return k, _NO_ROOM
-        best, link = search(
-            xyz, faces, twins, offsets, corners, s_held, s_place, s, t_held, t_place, t,
-            bound, stamp, work,
-        )  # fmt: skip
-        if link == _NO_ROOM and best == 0.0:
-            return k, _NO_ROOM
-        if link == -1 and unbounded[k]:
-            return k, _UNREACHED
-        lengths[k] = best
-        if paths and link != -1:
-            t_face = t_held[0]
-            if link < -1:  # the path ends with a straight line from a vertex
-                for i in range(len(t_held)):
-                    for j in range(3):
-                        if faces[t_held[i], j] == -link - 2:
-                            t_face = t_held[i]
-            at = window_polyline(xyz, faces, twins, s, t, t_face, link, strip_at, work)
-            if at < 0:
-                return k, _NO_ROOM
-        path_offsets[k + 1] = at
-    return len(lengths), _DONE

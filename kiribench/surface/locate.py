@@ -316,7 +316,7 @@ def _first_hits(
                     apart = True
                 first[x] = box_index(low, box, shape, x, c0)
                 last[x] = box_index(low, box, shape, x, c1)
-            if apart or min(abs(t0), abs(t1)) > abs(best) and t0 * t1 > 0.0:
+            if apart or (min(abs(t0), abs(t1)) > abs(best) and t0 * t1 > 0.0):
                 continue
             for i in range(first[0], last[0] + 1):
                 for j in range(first[1], last[1] + 1):

@@ -113,7 +113,10 @@ def _faults(counts: NDArray[np.int64], examples: NDArray[np.int64]) -> list[Faul
         _REPEATED_VERTEX: ("mesh-degenerate-face", "faces name the same vertex twice"),
         _ZERO_EDGE: ("mesh-zero-edge", "edges have no length"),
         _CROWDED_EDGE: ("mesh-nonmanifold-edge", "edges are shared by three or more faces"),
-        _SAME_DIRECTION: ("mesh-one-sided", "edges cannot be wound one way: the surface has one side"),
+        _SAME_DIRECTION: (
+            "mesh-one-sided",
+            "edges cannot be wound one way: the surface has one side",
+        ),
     }
     return [
         Fault(
@@ -178,10 +181,7 @@ def _pair(xyz: FloatArray, faces: IntArray) -> Any:
             while b < k and comes[b] // k == w:
                 b += 1
             out, back = a - a0, b - b0
-            if out > 0:
-                corner = corners[begin + leaves[a0] % k]
-            else:
-                corner = corners[begin + comes[b0] % k]
+            corner = corners[begin + (leaves[a0] if out > 0 else comes[b0]) % k]
             if w == v:
                 counts[_REPEATED_VERTEX] += out
                 examples[_REPEATED_VERTEX] = corner // 3
