@@ -85,11 +85,11 @@ def _row(result: Conformability, at: tuple[int, int]) -> dict[str, Any]:
         "overlap_low": number(result.overlap_low[at]),
         "overlap_high": number(result.overlap_high[at]),
     }
-    for k, name in enumerate(GRADES):
-        row[f"probability_{name}"] = number(result.probability[at][k])
+    for k, grade in enumerate(GRADES):
+        row[f"probability_{grade}"] = number(result.probability[at][k])
     row["perfect_fit_reading"] = number(result.perfect_fit_reading[at])
-    for name in DEFINITIONS:
-        row[f"grade_{name}"] = str(result.grades[name][at]) or None
+    for definition in DEFINITIONS:
+        row[f"grade_{definition}"] = str(result.grades[definition][at]) or None
     row["definition_matters"] = bool(result.definition_matters[at]) if scored else None
     row["centre_offset_mm"] = number(result.centre_offset_mm[at])
     row["main_cause"] = str(causes.main[at]) or None
@@ -100,8 +100,8 @@ def _row(result: Conformability, at: tuple[int, int]) -> dict[str, Any]:
     row["lateral_stretch"] = number(causes.lateral_stretch[at])
     row["shear"] = number(causes.shear[at])
     row["rest_mm"] = number(causes.rest_mm[at])
-    for k, name in enumerate(CAUSES):
-        row[f"cost_{name.replace('-', '_')}"] = number(causes.cost[at][k])
+    for k, cause in enumerate(CAUSES):
+        row[f"cost_{cause.replace('-', '_')}"] = number(causes.cost[at][k])
     row["skin_area_mm2"] = number(result.skin_area_mm2[at])
     row["patch_area_mm2"] = number(result.patch_area_mm2[at])
     row["reason"] = str(result.reason[at]) or None
