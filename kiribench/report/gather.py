@@ -10,6 +10,7 @@ from kiribench.conformability.result import Conformability
 from kiribench.dataset import Dataset, Subject
 from kiribench.provenance import provenance
 from kiribench.report.subject import SubjectReport
+from kiribench.report.truth import read_truth
 from kiribench.schema.sidecars import DatasetDescription
 from kiribench.strain.result import StrainField
 from kiribench.surface.mesh import Mesh
@@ -34,6 +35,7 @@ def gather(
     """
     record = provenance((*dataset.files, *subject.files))
     root = dataset.root.resolve()
+    synthetic = is_synthetic(dataset.description)
     record["inputs"] = {
         relative(name, root): entry for name, entry in sorted(record["inputs"].items())
     }
@@ -42,12 +44,13 @@ def gather(
         dataset=dataset.description.name,
         side=subject.side or "none",
         layout=subject.layout,
-        synthetic=is_synthetic(dataset.description),
+        synthetic=synthetic,
         conformability=conformability,
         strain=strain,
         surface=surface,
         settings=settings,
         provenance=record,
+        truth=read_truth(dataset, subject.id) if synthetic else None,
     )
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from kiribench.report.html import Html, tag, text
 from kiribench.report.sections.beside_paper import paper_section
 from kiribench.report.sections.fit import definitions_section, maps_section
+from kiribench.report.sections.known_truth import truth_section
 from kiribench.report.sections.opening import header, verdict_section
 from kiribench.report.sections.record import methods_section, provenance_section, tables_section
 from kiribench.report.sections.skin import skin_section
@@ -23,6 +24,7 @@ CONTENTS = (
     ("worst", "Worst cells"),
     ("space", "On the body"),
     ("skin", "Skin strain"),
+    ("truth", "Truth"),
     ("paper", "Paper"),
     ("methods", "Methods"),
     ("provenance", "Provenance"),
@@ -59,6 +61,7 @@ def subject_page(subject: SubjectReport) -> str:
     if subject.strain is not None:
         sections.append(skin_section(subject, subject.strain))
     sections += [
+        truth_section(subject),
         paper_section(subject),
         methods_section(subject),
         provenance_section(subject),

@@ -8,6 +8,7 @@ from typing import Any
 
 from kiribench.conformability.result import Conformability
 from kiribench.errors import Fault
+from kiribench.report.truth import Truth
 from kiribench.schema.layout import Layout
 from kiribench.strain.result import StrainField
 from kiribench.surface.mesh import Mesh
@@ -28,6 +29,7 @@ class SubjectReport:
         surface: the bare flexed scan for the pictures, or None.
         settings: the options in force, by their names on the command line.
         provenance: version, libraries and input hashes (:mod:`kiribench.provenance`).
+        truth: of a synthetic subject, where it is known.
         warnings: what is doubtful in the input, beyond what the two results carry.
     """
 
@@ -41,6 +43,7 @@ class SubjectReport:
     surface: Mesh | None
     settings: Mapping[str, Any]
     provenance: Mapping[str, Any]
+    truth: Truth | None = None
     warnings: tuple[Fault, ...] = field(default=())
 
     @property

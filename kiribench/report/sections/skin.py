@@ -18,7 +18,7 @@ LETTERS = {
     "cell-degenerate": "d",
     "strain-too-small": "s",
 }
-POISSON_CEILING = 2.0
+POISSON_CEILING = 1.0
 MEASURE = {"log": "logarithmic", "engineering": "engineering", "green": "Green-Lagrange"}
 
 
@@ -56,7 +56,8 @@ def skin_section(subject: SubjectReport, strain: StrainField) -> Html:
             "Poisson's ratio ν = −lateral / longitudinal strain: blue (negative) widens while it "
             "lengthens. "
             f"Median {number(_median(strain.poisson_ratio.value))}. Not given where the "
-            f"longitudinal strain is below {strain.min_strain:g}.",
+            f"longitudinal strain is below {strain.min_strain:g}. "
+            f"{_beyond(strain.poisson_ratio.value, POISSON_CEILING)}",
         ),
         (
             "shear",
@@ -149,6 +150,13 @@ def _range(values: NDArray[np.float64]) -> str:
     if np.all(np.isnan(values)):
         return "none measured"
     return f"{number(float(np.nanmin(values)))} to {number(float(np.nanmax(values)))}"
+
+
+def _beyond(values: NDArray[np.float64], limit: float) -> str:
+    number_beyond = int((np.abs(values) > limit).sum())
+    if not number_beyond:
+        return ""
+    return f"Beyond ±{limit:g} ({count(number_beyond, 'cell')}) the colour stays at its end."
 
 
 def _mean(values: NDArray[np.float64]) -> float:
