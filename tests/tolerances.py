@@ -49,3 +49,31 @@ HARMLESS_OVERLAP = 2e-6
 PICTURE_DEPTH = 3.0
 """Multiple of h^2 / 2R by which the mean of the vertices of a cube of edge h may lie inside a
 cylinder of radius R: the diagonal of the cube's face squared is 2 h^2, plus the border."""
+
+DETOUR_ANGLE_DEG = 1e-6
+"""degrees: angles of a few faces summed in double precision; the path's points are 1e-12 exact."""
+
+# --- synthetic truth ---
+
+ROUNDING = 1e-12
+"""Relative to 1: double precision after a few dozen operations on numbers of order 1."""
+
+DIFFERENCE_QUOTIENT = 2e-6
+"""Central differences with a step of 1e-4 on functions of order 1 to 100: truncation h^2 / 6
+times third derivatives (1e-8), rounding 1e-16 / h (tangents 1e-10) or 1e-16 / h^2 (second
+derivatives 1e-8 times the values)."""
+
+GEODESIC_BVP_MM = 1e-9
+"""mm: the true geodesics' lengths; the promise is 1e-8 mm."""
+
+MESH_ORDER = 0.25
+"""Observed order of a mesh's geodesic distance against the smooth one over two halvings: 2
+but for the terms of the next order on an edge of 2.7 mm over a bump of 15 mm."""
+
+TRUE_OVERLAP = 5e-5
+"""Fraction: the accuracy that the truth tables state; sides of 24 straight pieces in the
+parameter domain leave 1 / 24^2 of a side's bow, which is below 0.3 mm."""
+
+COUNTED_OVERLAP = 2e-4
+"""Fraction: points 0.04 mm apart on cells of 15 mm: 3000 points along the sides decide, each
+right to a third of its 0.0016 mm^2, in random sense: 3e-5; five of these, plus the sides."""

@@ -49,6 +49,7 @@ def score_cells(
             patch cell's centre onto its skin cell's, so that a shift costs nothing.
     """
     reason = reason.copy()
+    reason[(reason == "") & outlines.around_hole] = "path-around-hole"
     fine = reason == ""
     degenerate = fine & (outlines.turned | ~simple(outlines.skin) | ~simple(outlines.patch))
     reason[degenerate] = "cell-degenerate"

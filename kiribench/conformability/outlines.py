@@ -12,6 +12,7 @@ from kiribench.surface.cells import (
     FlatFrames,
     GridSides,
     cell_frames,
+    cells_around_hole,
     equal_area,
     flatten,
     gauss_curvature,
@@ -40,6 +41,7 @@ class FlatOutlines:
         axes: (R, C, 2, 3) directions of the two axes in space.
         curvature: (R, C) Gauss curvature of the skin cell, 1/mm^2.
         turned: (R, C) whether the skin cell or the patch cell is turned over.
+        around_hole: (R, C) whether a path of either leads around a hole of the scan.
     """
 
     skin: FloatArray
@@ -49,6 +51,7 @@ class FlatOutlines:
     axes: FloatArray
     curvature: FloatArray
     turned: NDArray[np.bool_]
+    around_hole: NDArray[np.bool_]
 
     @property
     def skin_corners(self) -> FloatArray:
@@ -154,6 +157,7 @@ def flat_outlines(
     complete = skin.cells_present & patch.cells_present
     frames = _frames_of(mesh, skin, complete, topology)
     flat, space, sides = [], [], []
+    around = np.zeros(complete.shape, dtype=bool)
     for nodes in (skin, patch):
         side = grid_sides(mesh, nodes, topology)
         line, points = sample_paths(side, mesh)
@@ -161,12 +165,14 @@ def flat_outlines(
         owner = np.repeat(np.arange(len(index), dtype=np.int32), index.shape[1])
         coordinates = flatten(mesh, frames, owner, points[index.ravel()], topology)
         flat.append(coordinates.reshape(*index.shape, 2))
+        around |= cells_around_hole(mesh, side, topology)
+        around[complete] |= ~np.isfinite(flat[-1]).all(axis=(1, 2))
         space.append(line.reshape(-1, 3)[index])
         sides.append(side)
     corners = flat[0][:, ::PIECES]
     curvature = gauss_curvature(corners, cell_sides_mm(sides[0])[complete])
     area = [signed_area(outline[:, ::PIECES]) for outline in flat]
-    sense = float(np.sign(np.sign(area[0]).sum())) or 1.0
+    sense = float(np.sign(np.nansum(np.sign(area[0])))) or 1.0
     turned = (area[0] * sense <= 0.0) | (area[1] * sense <= 0.0)
     kept = [equal_area(outline, curvature[:, None]) for outline in flat]
     turn, origin = _material_axes(kept[0][:, ::PIECES], sense)
@@ -188,6 +194,7 @@ def flat_outlines(
         axes=full(axes),
         curvature=full(curvature),
         turned=flag,
+        around_hole=around & complete,
     )
 
 

@@ -39,6 +39,7 @@ REASONS = {
     "skin-node-missing": "A corner of the skin cell is missing on the bare scan.",
     "patch-node-missing": "A corner of the patch cell is missing or hidden on the worn scan.",
     "patch-off-skin": "A patch corner has no skin below it within the search distance.",
+    "path-around-hole": "A path of the cell leads around a hole of the bare scan.",
     "cell-degenerate": "The skin cell or the patch cell is folded or has no area.",
 }
 

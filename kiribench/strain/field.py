@@ -28,6 +28,7 @@ class Pose:
             from outside; NaN where a corner is absent.
         sd_mm: (R+1, C+1) node sd per tangent direction.
         denoised: whether the scan was denoised first.
+        around_hole: (R, C) cells with a path around a hole of the scan; None for none.
     """
 
     name: str
@@ -36,6 +37,7 @@ class Pose:
     corners: FloatArray
     sd_mm: FloatArray
     denoised: bool = False
+    around_hole: NDArray[np.bool_] | None = None
 
 
 def at_corners(nodes: FloatArray) -> FloatArray:
@@ -69,6 +71,9 @@ def cell_reasons(reference: Pose, deformed: Pose) -> NDArray[np.str_]:
             reason[present & ~(area * (sense or 1.0) > 0.0)] = "cell-degenerate"
     for pose in (reference, deformed):
         reason[~np.isfinite(pose.corners).all(axis=(-1, -2))] = "node-missing"
+    for pose in (reference, deformed):
+        if pose.around_hole is not None:
+            reason[pose.around_hole] = "path-around-hole"
     return reason
 
 

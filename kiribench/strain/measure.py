@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from kiribench.dataset import Subject
 from kiribench.errors import DatasetError
 from kiribench.strain.field import Pose, strain_field
 from kiribench.strain.measures import check_measure, check_min_strain
 from kiribench.strain.result import StrainField, StrainMeasure
 from kiribench.surface.acquisition import Acquired, Denoise, acquire
-from kiribench.surface.cells import cell_frames, flat_corners, grid_sides
+from kiribench.surface.cells import cell_frames, cells_around_hole, flat_corners, grid_sides
 
 REFERENCE, DEFORMED = "flex000", "flex090"
 
@@ -22,13 +24,16 @@ def pose_of(acquired: Acquired) -> Pose:
     mesh, nodes, topology = acquired.mesh, acquired.nodes, acquired.topology
     sides = grid_sides(mesh, nodes, topology)
     frames = cell_frames(mesh, nodes, topology)
+    corners = flat_corners(mesh, nodes, frames, topology)
+    behind = nodes.cells_present & ~np.isfinite(corners).all(axis=(-1, -2))
     return Pose(
         name=acquired.name,
         longitudinal_mm=sides.longitudinal_mm,
         lateral_mm=sides.lateral_mm,
-        corners=flat_corners(mesh, nodes, frames, topology),
+        corners=corners,
         sd_mm=nodes.sd_mm,
         denoised=acquired.denoised,
+        around_hole=cells_around_hole(mesh, sides, topology) | behind,
     )
 
 

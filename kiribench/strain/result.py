@@ -19,6 +19,8 @@ STRAIN_MEASURES: tuple[str, ...] = get_args(StrainMeasure)
 #: Reason codes of a strain table, with the sentence that a report prints.
 REASONS = {
     "node-missing": "A corner node is missing or hidden in one of the two poses.",
+    "path-around-hole": "A path of the cell leads around a hole of a scan, so that its length "
+    "is not that of the skin.",
     "cell-degenerate": "The cell is folded or has no area in the reference pose.",
     "strain-too-small": "The longitudinal strain is smaller than the stated minimum.",
     "interval-unbounded": "The node uncertainty does not exclude zero longitudinal strain, "

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from kiribench.surface.detours import detours
 from kiribench.surface.geodesic import Geodesics, geodesics
 from kiribench.surface.locate import locate
 from kiribench.surface.mesh import FloatArray, IntArray, Mesh, SurfacePoints
@@ -97,6 +98,14 @@ def grid_sides(mesh: Mesh, nodes: LocatedNodes, topology: Topology) -> GridSides
     return GridSides(lengths[0], lengths[1], where[0], where[1], paths)
 
 
+def cells_around_hole(mesh: Mesh, sides: GridSides, topology: Topology) -> NDArray[np.bool_]:
+    """(R, C) cells with a side that leads around a hole instead of over the skin."""
+    around = np.append(detours(mesh, topology, sides.paths), False)
+    # Index -1, an absent side, meets the False that was appended.
+    along, across = around[sides.longitudinal_path], around[sides.lateral_path]
+    return np.asarray(along[:, :-1] | along[:, 1:] | across[:-1] | across[1:])
+
+
 def _pair_labels(index: IntArray, start: IntArray, end: IntArray) -> list[str]:
     row, col = np.nonzero(index >= 0)
     name = np.empty(len(row), dtype=object)
@@ -157,14 +166,17 @@ def flatten(
         labels: (p,) names for messages.
 
     Returns:
-        (p, 2) mm along the first two axes of the owner's frame.
+        (p, 2) mm along the first two axes of the owner's frame; NaN where the line from the
+        centre leads around a hole and so says neither direction nor distance.
 
     Raises:
         PathError: a point cannot be reached from the centre.
     """
     lines = geodesics(mesh, frames.centres[owner], points, labels=labels, topology=topology)
     direction = np.einsum("pax,px->pa", frames.axes[owner, :2], lines.start_direction)
-    return np.asarray(direction * np.asarray(lines.length_mm)[:, None])
+    flat = direction * np.asarray(lines.length_mm)[:, None]
+    flat[detours(mesh, topology, lines)] = np.nan
+    return np.asarray(flat)
 
 
 def flat_corners(
@@ -173,7 +185,7 @@ def flat_corners(
     """The corners of all complete cells, each flattened about its own centre.
 
     Returns:
-        (R, C, 4, 2) mm; NaN where a corner is absent.
+        (R, C, 4, 2) mm; NaN where a corner is absent or behind a hole.
     """
     complete = nodes.cells_present
     corner = np.asarray(corner_values(nodes.index), dtype=np.int32)[complete]
