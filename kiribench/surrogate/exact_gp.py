@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, Literal, overload
 
@@ -15,12 +16,13 @@ from kiribench.errors import DataError, NotConvergedError, UsageError
 from kiribench.surrogate import dense, kronecker, likelihood
 from kiribench.surrogate.devices import device_of, torch_threads
 from kiribench.surrogate.grid import DesignGrid, are_curves, find_grid, resample
-from kiribench.surrogate.hyperparameters import Hyperparameters, scaling_of
-from kiribench.surrogate.likelihood import KernelForm, Parameters, TorchParameters
+from kiribench.surrogate.hyperparameters import Hyperparameters, Parameters, scaling_of
+from kiribench.surrogate.likelihood import KernelForm, TorchParameters
 
 Tensor = torch.Tensor
 FloatArray = NDArray[np.float64]
 Structure = Literal["grid", "resampled", "dense"]
+COARSE_DESIGNS = 128  # designs of the first, cheap search
 CHEAP_HOLES = 1e9  # multiplications that the holes may add to one likelihood
 
 
@@ -156,16 +158,20 @@ class ExactGP(RegressorMixin, BaseEstimator):  # type: ignore[misc]
             )
             rows = len(y)
         else:
-            part = _for_likelihood(grid, self.random_state)
-            designs, strains = _scaled_axes(part, unscaled, place)
-            objective = likelihood.grid_objective(
-                form,
-                designs,
-                strains,
-                _tensor(unscaled.scale_targets(part.values), place),
-                torch.as_tensor(part.missing, device=place),
-            )
-            rows = int(part.observed.sum())
+            whole = _for_likelihood(grid, self.random_state)
+            objective = _grid_objective(form, whole, unscaled, place)
+            rows = int(whole.observed.sum())
+            if start is None and len(whole.designs) > 2 * COARSE_DESIGNS:
+                # A few designs tell nearly as much about the kernel, at a hundredth of the cost.
+                few = _some_designs(whole, COARSE_DESIGNS, self.random_state)
+                near = _maximise(
+                    form,
+                    _grid_objective(form, few, unscaled, place),
+                    first,
+                    int(few.observed.sum()),
+                    self.max_evaluations,
+                )
+                first = near.parameters
         best = _maximise(form, objective, first, rows, self.max_evaluations)
         self.evaluations_ = best.evaluations
         return replace(
@@ -191,7 +197,7 @@ class ExactGP(RegressorMixin, BaseEstimator):  # type: ignore[misc]
         self._state: GridState | DenseState
         if grid is None:
             inputs = _tensor(learnt.scale_inputs(X), place)
-            at = TorchParameters.of(_parameters(learnt), inputs)
+            at = TorchParameters.of(learnt.kernel_parameters(), inputs)
             k = likelihood.full_correlation(form, inputs, inputs, at)
             flat = dense.condition(
                 k, learnt.noise_ratio, _tensor(learnt.scale_targets(y), place), signal
@@ -200,7 +206,7 @@ class ExactGP(RegressorMixin, BaseEstimator):  # type: ignore[misc]
             signal, nll, rows = flat.signal, flat.negative_log_likelihood, len(y)
         else:
             designs, strains = _scaled_axes(grid, learnt, place)
-            at = TorchParameters.of(_parameters(learnt), designs)
+            at = TorchParameters.of(learnt.kernel_parameters(), designs)
             factors = kronecker.factorise(
                 likelihood.design_correlation(form, designs, designs, at),
                 likelihood.strain_correlation(form, strains, strains, at),
@@ -246,7 +252,7 @@ class ExactGP(RegressorMixin, BaseEstimator):  # type: ignore[misc]
         form = self._kernel_form(X.shape[1])
         like = state.designs if isinstance(state, GridState) else state.inputs
         points = _tensor(self.hyperparameters_.scale_inputs(X), like.device)
-        at = TorchParameters.of(_parameters(self.hyperparameters_), like)
+        at = TorchParameters.of(self.hyperparameters_.kernel_parameters(), like)
         if isinstance(state, DenseState):
             cross = likelihood.full_correlation(form, points, state.inputs, at)
             mean, variance = dense.predict(state.conditioned, cross)
@@ -271,7 +277,7 @@ def _maximise(
 ) -> likelihood.Maximum:
     try:
         return likelihood.maximise(form, objective, start, rows=rows, max_evaluations=limit)
-    except torch.linalg.LinAlgError as error:
+    except torch._C._LinAlgError as error:
         raise NotConvergedError(
             "gp-not-positive-definite",
             f"The covariance of the rows is not positive definite ({error}).",
@@ -304,10 +310,27 @@ def _for_likelihood(grid: DesignGrid, seed: int | None) -> DesignGrid:
     # Holes grow with the designs: n designs cost n^3.
     share = (CHEAP_HOLES / (missing * missing * grid.values.size)) ** (1.0 / 3.0)
     count = max(20, int(share * len(grid.designs)))
+    return _some_designs(grid, count, seed)
+
+
+def _some_designs(grid: DesignGrid, count: int, seed: int | None) -> DesignGrid:
     chosen = np.random.default_rng(seed).permutation(len(grid.designs))[:count]
     some = np.zeros(len(grid.designs), dtype=bool)
     some[chosen] = True
     return _part(grid, some, np.ones(len(grid.curve), dtype=bool))
+
+
+def _grid_objective(
+    form: KernelForm, grid: DesignGrid, scaling: Hyperparameters, place: torch.device
+) -> Callable[[Parameters], tuple[float, Parameters]]:
+    designs, strains = _scaled_axes(grid, scaling, place)
+    return likelihood.grid_objective(
+        form,
+        designs,
+        strains,
+        _tensor(scaling.scale_targets(grid.values), place),
+        torch.as_tensor(grid.missing, device=place),
+    )
 
 
 def _part(grid: DesignGrid, rows: NDArray[np.bool_], columns: NDArray[np.bool_]) -> DesignGrid:
@@ -327,11 +350,6 @@ def _scaled_axes(
     designs = (grid.designs - low[:-1]) / span[:-1]
     strains = (grid.curve[:, None] - low[-1]) / span[-1]
     return _tensor(designs, place), _tensor(strains, place)
-
-
-def _parameters(learnt: Hyperparameters) -> Parameters:
-    warp = np.array(learnt.warp) if learnt.warp else np.zeros((len(learnt.input_low), 2))
-    return Parameters(np.array(learnt.length_scales), warp, learnt.noise_ratio)
 
 
 def _tensor(array: FloatArray, place: torch.device) -> Tensor:

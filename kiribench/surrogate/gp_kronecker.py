@@ -15,13 +15,14 @@ class KroneckerGP(ExactGP):
     Curves with strains of their own are resampled (:mod:`kiribench.surrogate.grid`), other
     rows take a dense covariance up to ``max_dense_rows``.
 
-    Inputs are warped: the response changes faster towards the ends of the design space
-    (hinges that vanish as a cut length nears the cell's), so a stationary kernel is too
-    cautious inside and too bold at the rim.
+    Design inputs are warped: the response changes faster towards the ends of the design
+    space (hinges that vanish as a cut length nears the cell's), so a stationary kernel is
+    too cautious inside and too bold at the rim.
 
     Args:
         design_kernel, strain_kernel: keys of :data:`kiribench.surrogate.kernels.FAMILIES`.
-        warp: learn the inputs' warps.
+        warp: learn the design inputs' warps.
+        noise_floor: least noise variance over signal variance.
         hyperparameters: where to start the search, or with ``optimise=False`` what to use.
         optimise: maximise the marginal likelihood.
         resampling: ``"auto"`` or ``"never"``.
@@ -36,9 +37,10 @@ class KroneckerGP(ExactGP):
     def __init__(
         self,
         *,
-        design_kernel: str = "matern72",
-        strain_kernel: str = "matern52",
+        design_kernel: str = "gaussian",
+        strain_kernel: str = "gaussian",
         warp: bool = True,
+        noise_floor: float = 1e-6,
         hyperparameters: Hyperparameters | None = None,
         optimise: bool = True,
         resampling: str = "auto",
@@ -52,6 +54,7 @@ class KroneckerGP(ExactGP):
         self.design_kernel = design_kernel
         self.strain_kernel = strain_kernel
         self.warp = warp
+        self.noise_floor = noise_floor
         self.hyperparameters = hyperparameters
         self.optimise = optimise
         self.resampling = resampling
@@ -63,4 +66,10 @@ class KroneckerGP(ExactGP):
         self.random_state = random_state
 
     def _kernel_form(self, inputs: int) -> KernelForm:
-        return KernelForm(self.design_kernel, self.strain_kernel, inputs, warped=self.warp)
+        return KernelForm(
+            self.design_kernel,
+            self.strain_kernel,
+            inputs,
+            warped=self.warp and inputs > 1,
+            noise_floor=self.noise_floor,
+        )

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from kiribench.surrogate.gpytorch_import import gpytorch
-from kiribench.surrogate.likelihood import LENGTH_BOUNDS, NOISE_BOUNDS
+from kiribench.surrogate.likelihood import LENGTH_BOUNDS, MOST_NOISE
 
 Tensor = torch.Tensor
 FloatArray = NDArray[np.float64]
@@ -37,7 +37,8 @@ def gpytorch_model(
 ) -> GPyTorchModel:
     """The model at given length scale, signal variance and noise variance, in float64."""
     likelihood = gpytorch.likelihoods.GaussianLikelihood(noise_constraint=_positive())
-    model = GPyTorchModel(inputs, values, likelihood).to(dtype=torch.float64, device=inputs.device)
+    model = GPyTorchModel(inputs, values, likelihood)
+    model.to(dtype=torch.float64, device=inputs.device)
     model.covar_module.base_kernel.lengthscale = length
     model.covar_module.outputscale = signal
     likelihood.noise = noise
@@ -61,7 +62,7 @@ def gpytorch_objective(model: GPyTorchModel, values: Tensor) -> tuple[float, Flo
     with exact_settings():
         loss = -objective(model(*model.train_inputs), values)
     loss.backward()
-    slope = np.array([float(parameter.grad) for parameter in free])
+    slope = np.array([0.0 if x.grad is None else float(x.grad) for x in free])
     return float(loss.detach()), slope
 
 
@@ -89,7 +90,7 @@ def maximise_in_gpytorch(
     bounds = [
         (LENGTH_BOUNDS[0] * reach, LENGTH_BOUNDS[1] * reach),
         (1e-4, 1e6),
-        NOISE_BOUNDS,
+        (1e-8, MOST_NOISE),
     ]
     result = minimize(
         evaluate,
@@ -97,7 +98,7 @@ def maximise_in_gpytorch(
         jac=True,
         method="L-BFGS-B",
         bounds=[(float(np.log(low)), float(np.log(high))) for low, high in bounds],
-        options={"maxfun": limit, "ftol": 1e-8, "gtol": 1e-6},
+        options={"maxfun": limit, "ftol": 1e-7, "gtol": 1e-6},
     )
     length, signal, noise = np.exp(np.asarray(result.x)).tolist()
     return (length, signal, noise), int(result.nfev)

@@ -31,6 +31,7 @@ class DesignGrid:
         values: (p, m) targets; 0 where not observed.
         observed: (p, m) bool.
         row_design: (n,) design index of each row of the table.
+        row_strain: (n,) strain of each row, as the table has it.
         row_curve: (n,) grid index of each row, or -1 where the row was resampled.
         resampled: whether splines were used.
         round_trip_rms: targets' unit; the rms difference after resampling the grid back
@@ -42,6 +43,7 @@ class DesignGrid:
     values: FloatArray
     observed: NDArray[np.bool_]
     row_design: NDArray[np.int64]
+    row_strain: FloatArray
     row_curve: NDArray[np.int64]
     resampled: bool
     round_trip_rms: float
@@ -82,6 +84,7 @@ def find_grid(X: FloatArray, y: FloatArray, *, min_filled: float = 0.5) -> Desig
         values=values.reshape(p, m),
         observed=observed.reshape(p, m),
         row_design=row_design.astype(np.int64),
+        row_strain=curve[row_curve],
         row_curve=row_curve.astype(np.int64),
         resampled=False,
         round_trip_rms=0.0,
@@ -137,6 +140,7 @@ def resample(X: FloatArray, y: FloatArray, *, curve: FloatArray | None = None) -
         values=values,
         observed=observed,
         row_design=row_design,
+        row_strain=strain.copy(),
         row_curve=np.full(len(X), -1, dtype=np.int64),
         resampled=True,
         round_trip_rms=float(np.sqrt(squared / compared)) if compared else 0.0,

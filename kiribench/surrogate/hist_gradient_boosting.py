@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from sklearn.ensemble import HistGradientBoostingRegressor
 
+from kiribench.surrogate.wrapped import Wrapped
 
-class HistGradientBoosting(HistGradientBoostingRegressor):  # type: ignore[misc]
+
+class HistGradientBoosting(Wrapped):
     """scikit-learn's histogram gradient boosting, without early stopping on random rows.
 
     scikit-learn stops early by a random split of the rows, which leaks between rows of one
-    design and stops too late; a fixed number of trees does not. The other parameters are
+    design and stops too late; a fixed number of trees does not. The parameters are
     :class:`sklearn.ensemble.HistGradientBoostingRegressor`'s.
     """
 
@@ -24,12 +26,18 @@ class HistGradientBoosting(HistGradientBoostingRegressor):  # type: ignore[misc]
         early_stopping: bool = False,
         random_state: int | None = 0,
     ) -> None:
-        super().__init__(
-            max_iter=max_iter,
-            learning_rate=learning_rate,
-            max_leaf_nodes=max_leaf_nodes,
-            min_samples_leaf=min_samples_leaf,
-            l2_regularization=l2_regularization,
-            early_stopping=early_stopping,
-            random_state=random_state,
-        )
+        self.max_iter = max_iter
+        self.learning_rate = learning_rate
+        self.max_leaf_nodes = max_leaf_nodes
+        self.min_samples_leaf = min_samples_leaf
+        self.l2_regularization = l2_regularization
+        self.early_stopping = early_stopping
+        self.random_state = random_state
+
+    def _build(self, rows: int) -> HistGradientBoostingRegressor:
+        return HistGradientBoostingRegressor(**self.get_params())
+
+    @property
+    def n_iter_(self) -> int:
+        """Number of trees that were grown."""
+        return int(self.inner_.n_iter_)

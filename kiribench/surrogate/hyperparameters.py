@@ -12,6 +12,21 @@ FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
+class Parameters:
+    """Kernel parameters in scaled inputs.
+
+    Attributes:
+        length_scales: (d,) or (1,).
+        warp: (d - 1, 2) extra slopes p and q at the two ends; not used where nothing is warped.
+        noise_ratio: noise variance over signal variance.
+    """
+
+    length_scales: FloatArray
+    warp: FloatArray
+    noise_ratio: float
+
+
+@dataclass(frozen=True)
 class Hyperparameters:
     """Scalings of inputs and targets, and the kernel's parameters in scaled units.
 
@@ -21,7 +36,7 @@ class Hyperparameters:
         input_low, input_span: d numbers, units of the inputs.
         target_mean, target_scale: unit of the targets.
         length_scales: d numbers, or one for all inputs, in scaled inputs.
-        warp: d pairs of extra end slopes; empty where inputs are not warped.
+        warp: d - 1 pairs of extra end slopes; empty where designs are not warped.
         signal_variance: of the scaled process.
         noise_ratio: noise variance over signal variance.
     """
@@ -44,6 +59,12 @@ class Hyperparameters:
     def signal_sd(self) -> float:
         """Prior standard deviation of the process, unit of the targets."""
         return float(np.sqrt(self.signal_variance) * self.target_scale)
+
+    def kernel_parameters(self) -> Parameters:
+        """What the kernel needs of these."""
+        designs = len(self.input_low) - 1
+        warp = np.array(self.warp) if self.warp else np.zeros((designs, 2))
+        return Parameters(np.array(self.length_scales), warp, self.noise_ratio)
 
     def scale_inputs(self, X: FloatArray) -> FloatArray:
         """(n, d) inputs in the kernel's units."""

@@ -17,13 +17,14 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from kiribench.surrogate import dense, kronecker
+from kiribench.surrogate.hyperparameters import Parameters
 from kiribench.surrogate.kernels import correlation
 
 Tensor = torch.Tensor
 FloatArray = NDArray[np.float64]
 
 LENGTH_BOUNDS = (0.01, 100.0)  # of an input's range
-NOISE_BOUNDS = (1e-10, 10.0)  # noise variance / signal variance
+MOST_NOISE = 10.0  # noise variance / signal variance
 WARP_BOUNDS = (0.01, 100.0)  # extra slope at an end of an input's range
 WARP_DEPTH = 0.15  # of the range: how far in the extra slope reaches
 
@@ -37,10 +38,12 @@ class KernelForm:
             the last input is the strain, the others are the design.
         inputs: d.
         shared_scale: one length scale over all inputs (the paper's eq. 3).
-        warped: whether each input passes through a monotone map that is steeper towards
+        warped: whether each design input passes through a monotone map that is steeper towards
             the ends of its range, with free extra slopes p and q (input warping, Snoek
             et al. 2014, arXiv 1402.0929, with a map that extrapolates).
         free_noise: whether the noise ratio is free; else it is kept.
+        noise_floor: least noise ratio. Simulated tables have next to no noise, and the
+            likelihood would run to where rounding and the kernel's faults take over.
     """
 
     design_family: str
@@ -49,28 +52,14 @@ class KernelForm:
     shared_scale: bool = False
     warped: bool = False
     free_noise: bool = True
-
-
-@dataclass(frozen=True)
-class Parameters:
-    """Kernel parameters in scaled inputs.
-
-    Attributes:
-        length_scales: (d,) or (1,).
-        warp: (d, 2) extra slopes p and q at the two ends; not used where nothing is warped.
-        noise_ratio: noise variance over signal variance.
-    """
-
-    length_scales: FloatArray
-    warp: FloatArray
-    noise_ratio: float
+    noise_floor: float = 1e-8
 
 
 def start_parameters(form: KernelForm) -> Parameters:
     """Where the search starts: smooth, one input's range wide, little noise."""
     return Parameters(
         length_scales=np.full(1 if form.shared_scale else form.inputs, 0.5),
-        warp=np.full((form.inputs, 2), 0.3),
+        warp=np.full((form.inputs - 1, 2), 0.3),
         noise_ratio=1e-4 if form.free_noise else 1.0,
     )
 
@@ -81,7 +70,7 @@ def design_correlation(
     """(p, q) correlations over the design inputs, (p, d - 1) and (q, d - 1)."""
     scales = at.length_scales if form.shared_scale else at.length_scales[:-1]
     if form.warped:
-        left, right = _warp(left, at.warp[:-1]), _warp(right, at.warp[:-1])
+        left, right = _warp(left, at.warp), _warp(right, at.warp)
     return correlation(form.design_family, left, right, scales)
 
 
@@ -90,8 +79,6 @@ def strain_correlation(
 ) -> Tensor:
     """(m, k) correlations over the last input, (m, 1) and (k, 1)."""
     scales = at.length_scales if form.shared_scale else at.length_scales[-1:]
-    if form.warped:
-        left, right = _warp(left, at.warp[-1:]), _warp(right, at.warp[-1:])
     return correlation(form.strain_family, left, right, scales)
 
 
@@ -158,7 +145,7 @@ def dense_objective(
         with torch.no_grad():
             conditioned = dense.condition(k, at.noise_ratio, values)
             by_k, by_noise = dense.likelihood_gradient(conditioned)
-        k.backward(by_k)
+        torch.autograd.backward((k,), (by_k,))
         return conditioned.negative_log_likelihood, _gradient(leaf, by_noise)
 
     return evaluate
@@ -189,7 +176,7 @@ def maximise(
         objective: the negative log likelihood and its gradient by the parameters.
         start: where to begin.
         rows: number of observations; the search ends when a step gains less than
-            1e-8 of log likelihood a row.
+            1e-7 of the log likelihood a row.
         max_evaluations: a limit on the number of likelihoods.
     """
 
@@ -221,7 +208,7 @@ def maximise(
         bounds += [WARP_BOUNDS] * start.warp.size
     if form.free_noise:
         first.append(np.array([np.log(start.noise_ratio)]))
-        bounds.append(NOISE_BOUNDS)
+        bounds.append((form.noise_floor, MOST_NOISE))
     limits = [(float(np.log(low)), float(np.log(high))) for low, high in bounds]
     result = minimize(
         value_and_slope,
@@ -229,7 +216,7 @@ def maximise(
         jac=True,
         method="L-BFGS-B",
         bounds=limits,
-        options={"maxfun": max_evaluations, "ftol": 1e-8, "gtol": 1e-6},
+        options={"maxfun": max_evaluations, "ftol": 1e-7, "gtol": 1e-6},
     )
     return Maximum(
         parameters=unpack(np.asarray(result.x)),

@@ -97,7 +97,7 @@ class MLPEnsemble(RegressorMixin, BaseEstimator):  # type: ignore[misc]
             drawn = drawn.to(inputs.device)
             loss = (_forward(layers, inputs[drawn]) - values[drawn]).square().mean((1,)).sum()
             optimiser.zero_grad(set_to_none=True)
-            loss.backward()
+            torch.autograd.backward((loss,))
             optimiser.step()
         return [x.detach() for x in layers]
 

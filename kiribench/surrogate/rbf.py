@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import RBFInterpolator
@@ -66,18 +68,16 @@ class RadialBasis(RegressorMixin, BaseEstimator):  # type: ignore[misc]
     def _scaled(self, X: FloatArray) -> FloatArray:
         return np.asarray(((X - self.input_low_) / self.input_span_)[:, self._varying])
 
-    def _build(self, rows: FloatArray, values: FloatArray) -> RBFInterpolator | None:
-        degree = self.degree
+    def _build(self, rows: FloatArray, values: FloatArray) -> Any:
         inputs = rows.shape[1]
         # scipy needs as many rows as the polynomial has terms.
         if inputs == 0 or len(rows) < inputs + 1:
             return None
         near = min(self.neighbors, len(rows))
-        return RBFInterpolator(
-            rows,
-            values,
-            kernel=self.kernel,
-            neighbors=near if near < len(rows) else None,
-            smoothing=self.smoothing,
-            degree=degree,
-        )
+        settings: dict[str, Any] = {
+            "kernel": self.kernel,
+            "neighbors": near if near < len(rows) else None,
+            "smoothing": self.smoothing,
+            "degree": self.degree,
+        }
+        return RBFInterpolator(rows, values, **settings)

@@ -24,7 +24,7 @@ from kiribench.errors import UsageError
 from kiribench.surrogate.devices import device_of, torch_threads
 from kiribench.surrogate.gpytorch_import import gpytorch
 from kiribench.surrogate.hyperparameters import Hyperparameters, scaling_of
-from kiribench.surrogate.likelihood import LENGTH_BOUNDS, NOISE_BOUNDS
+from kiribench.surrogate.likelihood import LENGTH_BOUNDS, MOST_NOISE
 
 Tensor = torch.Tensor
 FloatArray = NDArray[np.float64]
@@ -285,7 +285,7 @@ def greedy_points(learnt: Hyperparameters, inputs: Tensor, count: int) -> Tensor
         factor[step] = row / left[pivot].sqrt()
         left = (left - factor[step].square()).clamp_min(0.0)
         chosen.append(pivot)
-    return inputs[chosen]
+    return inputs[torch.as_tensor(chosen, device=inputs.device)]
 
 
 def _whitened(
@@ -320,7 +320,8 @@ def _start(X: FloatArray, y: FloatArray) -> Hyperparameters:
         tuple(span.tolist()),
         mean,
         scale,
-        (0.5,) * X.shape[1],
+        # Many inputs make rows far apart; too short a start ends where all is noise.
+        (0.5 * float(np.sqrt(X.shape[1])),) * X.shape[1],
         (),
         1.0,
         1e-3,
@@ -333,14 +334,12 @@ def _maximise(
     d = inputs.shape[1]
     noise = start.signal_variance * start.noise_ratio
     first = np.log([*start.length_scales, start.signal_variance, noise])
-    bounds = [LENGTH_BOUNDS] * d + [(1e-4, 1e6), NOISE_BOUNDS]
+    bounds = [LENGTH_BOUNDS] * d + [(1e-4, 1e6), (1e-8, MOST_NOISE)]
 
     def evaluate(vector: FloatArray) -> tuple[float, FloatArray]:
         free = torch.as_tensor(vector, device=inputs.device).exp().requires_grad_(True)
         loss = -bound(free[:d], free[d], free[d + 1], points, inputs, values) / len(values)
-        loss.backward()
-        assert free.grad is not None
-        slope = free.grad.cpu().numpy() * np.exp(vector)
+        slope = np.asarray(torch.autograd.grad(loss, free)[0].cpu()) * np.exp(vector)
         return float(loss.detach()), slope
 
     result = minimize(

@@ -17,12 +17,12 @@ QUICK: dict[str, dict[str, Any]] = {
     "gp:paper": {"max_evaluations": 15},
     "gp:shared-sigma": {"max_evaluations": 15},
     "gp_kronecker": {"max_evaluations": 15},
-    "svgp": {"max_evaluations": 40},
+    "svgp": {"max_evaluations": 30, "inducing": 40},
     "gradient_boosting": {"n_estimators": 30},
     "random_forest": {"n_estimators": 20},
     "hist_gradient_boosting": {"max_iter": 30},
     "lightgbm": {"n_estimators": 30},
-    "mlp_ensemble": {"members": 2, "max_steps": 200},
+    "mlp_ensemble": {"members": 2, "max_steps": 150, "width": 32},
 }
 VARIANTS = ("gp:paper", "gradient_boosting:paper", "random_forest:paper")
 
