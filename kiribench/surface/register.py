@@ -3,8 +3,11 @@
 Point-to-plane iterated closest points (Chen and Medioni 1992, doi 10.1016/0262-8856(92)90066-C)
 with trimming (Chetverikov, Stepanov and Krsek 2005, doi 10.1016/j.imavis.2004.05.007): samples
 uniform in area on the moving scan, exact closest points on the fixed one, partners on its
-border or of another direction left out, the worst residuals left out. A patch that lies over
-the skin is excluded by mask, or, if it covers less than half of what is seen, by trimming.
+border or of another direction left out, the worst residuals left out. Three rounds: the best
+``trim`` share, to come near; the best half, which up to half of wrong points cannot mislead;
+then all within three sigmas, which wastes no good point (reweighted least trimmed squares,
+Rousseeuw and Leroy 1987, doi 10.1002/0471725382). A patch that lies over the skin is excluded
+by mask, or, if it covers clearly less than half of what is seen, by itself.
 """
 
 from __future__ import annotations
@@ -28,13 +31,17 @@ LEAST_INLIERS = 0.4
 LEAST_POINTS = 200
 LARGEST_RMS_MM = 1.0
 LARGEST_ANGLE_DEG = 45.0
-STEP_TOLERANCE_MM = 1e-3
-MOST_ITERATIONS = 200
+SYSTEMATIC_MM = 0.01
+MOST_ITERATIONS = 100
 
 _OUTLIER_SIGMAS = 3.0
 _SIGMA_OF_MEDIAN = 1.4826
 _FLOOR_MM = 0.01  # residuals below this are never outliers
 _BLOCK_MM = 10.0  # residuals within a block may be correlated
+# A round ends with a step of this many of its own standard errors.
+_ROUND_ENDS = (3.0, 1.0, 0.1)
+_STALLED = 1.0
+_LEAST_STEP_MM = 1e-7
 _FREE = 1e-9  # share of the stiffest direction below which one is left alone
 
 
@@ -51,7 +58,11 @@ class Registration:
         points_used: how many.
         covariance: (6, 6) of (rotation vector in radians about ``centre_mm``, translation in
             mm), in the fixed scan's frame; robust to residuals that are correlated within
-            10 mm. A direction that the shape does not fix has a large variance here.
+            10 mm, and with the effect of a systematic error of ``systematic_mm`` of the scans
+            added. A direction that the shape does not fix has a large variance here.
+        firmness: how well the worst direction is fixed: the rms change of the residuals by
+            the unit motion (1 mm rms) that changes them least. 0 for a sphere or a
+            cylinder, at most about 0.5.
         centre_mm: (3,) centre of the points used, fixed frame.
         iterations: how many steps.
     """
@@ -64,6 +75,7 @@ class Registration:
     overlap_fraction: float
     points_used: int
     covariance: FloatArray
+    firmness: float
     centre_mm: FloatArray
     iterations: int
 
@@ -118,6 +130,7 @@ def register(
     seed: int = 0,
     least_overlap: float = LEAST_OVERLAP,
     largest_rms_mm: float = LARGEST_RMS_MM,
+    systematic_mm: float = SYSTEMATIC_MM,
 ) -> Registration:
     """Find the rigid motion that brings ``moving`` onto ``fixed``.
 
@@ -128,11 +141,13 @@ def register(
             :func:`kiribench.surface.rigid.kabsch` of corresponding nodes; default: none moves.
         exclude_moving: (m,) bool, faces of ``moving`` to leave out (skin under the patch).
         exclude_fixed: (m,) bool, faces of ``fixed`` to leave out (the patch).
-        trim: share of the partnered points that is used at most.
+        trim: share of the partnered points that the first round uses at most.
         samples: points on the moving scan.
         seed: of the samples.
         least_overlap: share of the samples that must have a partner.
         largest_rms_mm: residual above which the fit is refused.
+        systematic_mm: standard deviation of a smooth error of the scans' shape, for the
+            covariance alone.
 
     Raises:
         RegistrationError: ``registration-overlap`` (the scans share too little skin),
@@ -145,32 +160,36 @@ def register(
     points, directions = _area_samples(moving, exclude_moving, samples, rng)
     partners = _Partners(fixed, exclude_fixed)
     pose = initial or RigidTransform.identity()
-    initial_rms = float("nan")
-    for iteration in range(1, MOST_ITERATIONS + 1):
-        pairs = partners.find(pose.apply(points), directions @ pose.rotation.T)
-        _require(len(pairs.residual) / len(points), len(pairs.residual), least_overlap)
-        used = _trimmed(pairs.residual, trim)
-        rows, centre, reach = _rows(pairs, used)
-        residual = pairs.residual[used]
-        if iteration == 1:
-            initial_rms = float(np.sqrt(np.mean(residual**2)))
-        step = _solve(rows, residual) / np.array([reach] * 3 + [1.0] * 3)
-        turn = rotation_of(step[:3])
-        pose = RigidTransform(turn, centre - turn @ centre + step[3:]).after(pose)
-        if np.linalg.norm(step[:3]) * reach + np.linalg.norm(step[3:]) < STEP_TOLERANCE_MM:
-            break
-    else:
+    pairs = partners.find(pose.apply(points), directions @ pose.rotation.T)
+    _require(len(pairs.residual) / len(points), len(pairs.residual), least_overlap)
+    initial_rms = float(np.sqrt(np.mean(pairs.residual[_trimmed(pairs.residual, trim)] ** 2)))
+    iterations = 0
+    for share, negligible in zip((trim, min(trim, 0.5), 1.0), _ROUND_ENDS, strict=True):
+        for _ in range(MOST_ITERATIONS):
+            used = _trimmed(pairs.residual, share)
+            rows, centre, reach = _rows(pairs, used)
+            residual = pairs.residual[used]
+            scaled = _solve(rows, residual)
+            turn = rotation_of(scaled[:3] / reach)
+            step = RigidTransform(turn, centre - turn @ centre + scaled[3:])
+            pose = step.after(pose)
+            pairs = partners.find(pose.apply(points), directions @ pose.rotation.T)
+            _require(len(pairs.residual) / len(points), len(pairs.residual), least_overlap)
+            iterations += 1
+            effect = float(np.linalg.norm(rows @ scaled))
+            noise = float(np.sqrt(np.mean((residual - rows @ scaled) ** 2)))
+            if effect <= max(negligible * noise, _LEAST_STEP_MM * np.sqrt(len(residual))):
+                break
+    if effect > _STALLED * max(noise, _LEAST_STEP_MM):
         raise NotConvergedError(
             "registration-not-converged",
-            f"The registration still moved after {MOST_ITERATIONS} steps.",
+            f"The registration still moved after {iterations} steps.",
             remedy="Give a better first guess (corresponding nodes), or exclude what differs.",
         )
-    pairs = partners.find(pose.apply(points), directions @ pose.rotation.T)
-    used = _trimmed(pairs.residual, trim)
+    used = _trimmed(pairs.residual, 1.0)
     rows, centre, reach = _rows(pairs, used)
     residual = pairs.residual[used]
     rms = float(np.sqrt(np.mean(residual**2)))
-    _require(len(pairs.residual) / len(points), len(residual), least_overlap)
     if len(residual) < LEAST_INLIERS * len(pairs.residual):
         raise RegistrationError(
             "registration-inliers",
@@ -196,9 +215,10 @@ def register(
         inlier_fraction=len(residual) / len(points),
         overlap_fraction=len(pairs.residual) / len(points),
         points_used=len(residual),
-        covariance=_covariance(rows, residual, pairs.position[used], reach),
+        covariance=_covariance(rows, residual, pairs.position[used], reach, systematic_mm),
+        firmness=float(np.sqrt(max(np.linalg.eigvalsh(rows.T @ rows)[0], 0.0) / len(rows))),
         centre_mm=centre,
-        iterations=iteration,
+        iterations=iterations,
     )
 
 
@@ -308,10 +328,14 @@ def _solve(rows: FloatArray, residual: FloatArray) -> FloatArray:
 
 
 def _covariance(
-    rows: FloatArray, residual: FloatArray, position: FloatArray, reach: float
+    rows: FloatArray,
+    residual: FloatArray,
+    position: FloatArray,
+    reach: float,
+    systematic_mm: float,
 ) -> FloatArray:
-    """Sandwich covariance with 10 mm blocks as clusters (Liang and Zeger 1986,
-    doi 10.1093/biomet/73.1.13), in (radians, mm).
+    """Sandwich covariance in (radians, mm), with 10 mm blocks as clusters (Liang and Zeger 1986,
+    doi 10.1093/biomet/73.1.13), and what a smooth error of the shape adds.
     """
     normal = rows.T @ rows
     values, vectors = np.linalg.eigh(normal)
@@ -322,10 +346,13 @@ def _covariance(
     score = np.zeros((blocks, 6))
     np.add.at(score, label.reshape(-1), rows * residual[:, None])
     freedom = blocks / max(blocks - 6, 1)
-    # A block's mean residual may be near zero by the fit itself: never below independence.
+    # Few blocks make the sandwich too small by chance: never below independence.
     robust = inverse @ (freedom * score.T @ score) @ inverse
     plain = inverse * float(residual @ residual) / max(len(residual) - 6, 1)
     scale = np.diag([1.0 / reach] * 3 + [1.0] * 3)
     larger = robust if np.trace(robust) > np.trace(plain) else plain
-    covariance = scale @ larger @ scale
+    # A smooth error field e moves the solution by inverse rows' e; here it is taken to lie in
+    # the span of the six columns, in no preferred direction.
+    smooth = systematic_mm**2 * len(rows) / 6.0 * inverse
+    covariance = scale @ (larger + smooth) @ scale
     return np.asarray(0.5 * (covariance + covariance.T))
