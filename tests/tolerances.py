@@ -44,7 +44,11 @@ HARMLESS_STRETCH = 2e-6
 """Fraction: float32 coordinates (PLY, STL, GLB) of 150 mm err by 8e-6 mm on edges of 15 mm."""
 
 HARMLESS_OVERLAP = 2e-6
-"""Fraction: the same rounding on the sides of 15 mm cells."""
+"""Fraction: the same coordinates, faces in another order: rounding only."""
+
+ROUNDED_OVERLAP = 1e-4
+"""Fraction: float32 coordinates can put a cell's centre into the neighbouring face, about
+whose plane the cell is then flattened; a third of the flattening's own error (3e-4)."""
 
 PICTURE_DEPTH = 3.0
 """Multiple of h^2 / 2R by which the mean of the vertices of a cube of edge h may lie inside a
@@ -77,3 +81,37 @@ parameter domain leave 1 / 24^2 of a side's bow, which is below 0.3 mm."""
 COUNTED_OVERLAP = 2e-4
 """Fraction: points 0.04 mm apart on cells of 15 mm: 3000 points along the sides decide, each
 right to a third of its 0.0016 mm^2, in random sense: 3e-5; five of these, plus the sides."""
+
+# --- geodesics and locating ---
+
+GEODESIC_MM = 1e-9
+"""mm: the exact distance on a mesh, by two programs in double precision, up to a few hundred mm
+(rounding grows with the number of faces crossed; observed below 1e-12)."""
+
+GEODESIC_TABLED_MM = 1e-6
+"""mm: pairs.csv was computed before the OBJ coordinates were rounded to six decimals (5e-7 an
+end, twice)."""
+
+ANNY_EDGE_MM = 2e-5
+"""mm: anny_knee tables are written with five decimals (5e-6) for OBJ coordinates rounded to
+four (5e-5 a vertex, partly cancelling along one edge of the grid)."""
+
+HEDGEHOG_PUBLISHED = 5e-6
+"""Units of the hedgehog mesh: its published distance has five decimals."""
+
+LOCATE_MM = 1e-11
+"""mm: closest points in double precision for coordinates up to about 1000 mm."""
+
+# Gaussian processes (surrogate)
+GP_ALGEBRA = 1e-8
+"""Targets' unit, same model by two algebras: condition number 1e5 times rounding, and margin."""
+GP_CLOSED_FORM = 1e-8
+"""Targets' unit, folds left out in closed form against refits at fixed hyperparameters."""
+GP_GRADIENT = 1e-5
+"""Relative, analytic slope against a central difference of step 1e-5."""
+GP_OPTIMUM_LOG_LIKELIHOOD = 0.05
+"""Nats, two optimisers at one maximum: each stops when a step gains less than this."""
+SVGP_BOUND = 1e-6
+"""Nats a row, our collapsed bound against GPyTorch's VariationalELBO: two jitters of 1e-8."""
+SPLINE_RESAMPLING = 2e-4
+"""Poisson's ratio, rms of the stand-in's curves (12 strains) through the common strain grid."""
