@@ -124,9 +124,7 @@ def vertex_normals(mesh: Mesh) -> Array:
     return normals / np.linalg.norm(normals, axis=1, keepdims=True)
 
 
-def surface_points(
-    uv_mesh: tuple[Array, NDArray[np.int32]], points: Array
-) -> SurfacePoints:
+def surface_points(uv_mesh: tuple[Array, NDArray[np.int32]], points: Array) -> SurfacePoints:
     """Points of the rectangle (k, 2) as (face, barycentric) of its mesh."""
     uv, faces = uv_mesh
     p, q, r = (uv[faces[:, corner]] for corner in range(3))

@@ -250,9 +250,7 @@ def _with_near(work: Cleaned, same: NDArray[np.int64]) -> NDArray[np.int64]:
     if len(single) == 0:
         return same
     border = np.unique(
-        np.concatenate(
-            [welded[single // 3, single % 3], welded[single // 3, (single + 1) % 3]]
-        )
+        np.concatenate([welded[single // 3, single % 3], welded[single // 3, (single + 1) % 3]])
     )
     lengths = _edge_lengths(work.xyz, welded, order, starts)
     reach = NEAR_FRACTION * float(np.median(lengths))

@@ -118,13 +118,10 @@ def _smoothed(mesh: Mesh, radius_mm: float) -> tuple[Mesh, float]:
     # The edge of an equilateral triangle of median area: noise makes the edges themselves long.
     edge = float(np.sqrt(np.median(areas) * 4 / np.sqrt(3)))
     passes = int(np.clip(round((radius_mm / max(edge, 1e-9)) ** 2), *_PASSES))
+    around = denoise_kernels.face_neighbours(centres, areas, faces, offsets, items, edge)
     for _ in range(passes):
-        guide = denoise_kernels.filter_normals(
-            normals, normals, centres, areas, faces, offsets, items, 1e6, edge
-        )
-        normals = denoise_kernels.filter_normals(
-            normals, guide, centres, areas, faces, offsets, items, RANGE_SCALE, edge
-        )
+        guide = denoise_kernels.filter_normals(normals, normals, *around, 0.0)
+        normals = denoise_kernels.filter_normals(normals, guide, *around, RANGE_SCALE)
     directions = denoise_kernels.vertex_directions(normals, areas, faces, count)
     held = ~directions.any(axis=1)
     moves = min(_MOVES, 2 * passes)
@@ -154,9 +151,7 @@ def _estimate(mesh: Mesh, smooth: Mesh, tilt: float, pairs: int, seed: int) -> N
         sd_mm=float(np.sqrt(np.mean(shift**2))),
         tilt_deg=float(np.degrees(tilt)),
         predicted_lengthening=float(ratios.mean()) if len(ratios) else 0.0,
-        standard_error=float(ratios.std(ddof=1) / np.sqrt(len(ratios)))
-        if len(ratios) > 1
-        else 0.0,
+        standard_error=float(ratios.std(ddof=1) / np.sqrt(len(ratios))) if len(ratios) > 1 else 0.0,
         span_mm=span,
         pairs=len(ratios),
     )

@@ -147,8 +147,6 @@ def move_vertices(  # type: ignore[no-untyped-def]
             if total > 0.0:
                 step /= total
                 for axis in range(3):
-                    moved[vertex, axis] = (
-                        position[vertex, axis] + step * directions[vertex, axis]
-                    )
+                    moved[vertex, axis] = position[vertex, axis] + step * directions[vertex, axis]
         position[:] = moved
     return position

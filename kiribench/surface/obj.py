@@ -296,6 +296,8 @@ def _raise_if_failed(
         return
     row = int(state[kernels.ERROR_LINE])
     at = int(state[kernels.ERROR_AT])
+    if (block[:size] == 0).any():
+        code = kernels.BINARY
     token = bytes(block[at : min(at + 24, size)]).split(maxsplit=1)
     got = repr(token[0].decode("utf-8", errors="replace")) if token else "the line's end"
     if code == kernels.OUT_OF_RANGE:
@@ -357,7 +359,7 @@ def _refuse_cut_last_face(path: Path, xyz: FloatArray, faces: IntArray, row: int
     """Refuse a last face whose last index was cut short (``12345`` read as ``12``).
 
     Without a final newline nothing else tells. Such a face jumps across the scan, so it is
-    refused when its longest edge is over 20 times the longest of the 1,000 faces before it.
+    refused when its longest edge is over 8 times the longest of the 1,000 faces before it.
     """
     if len(faces) < 20:
         return
@@ -367,7 +369,7 @@ def _refuse_cut_last_face(path: Path, xyz: FloatArray, faces: IntArray, row: int
         edges = corners - np.roll(corners, -1, axis=1)
         return float(np.sqrt((edges**2).sum(axis=2).max()))
 
-    if longest(faces[-1:]) > 20 * longest(faces[-1001:-1]):
+    if longest(faces[-1:]) > 8 * longest(faces[-1001:-1]):
         raise MeshError(
             "obj-truncated",
             "The file ends inside a face: its last index was cut short.",
