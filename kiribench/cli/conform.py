@@ -35,8 +35,8 @@ def conform(
 
     Needs the bare scan at 90 degrees (flex090) and the worn scan (flex090worn) with their
     nodes; participants without a worn scan are skipped and listed. With --out, writes a
-    table and its description for each participant (sub-ID/sub-ID_conform.tsv and .json)
-    beside conform.json.
+    table and its description for each participant (sub-ID/sub-ID_conform.tsv and .json) and
+    an HTML report (sub-ID.html, index.html) beside conform.json.
 
     Parameters
     ----------
@@ -67,6 +67,7 @@ def conform(
         Options of every command.
     """
     from kiribench.cli.participants import chosen, each
+    from kiribench.cli.report_files import score_settings, write_reports
     from kiribench.conformability.export import (
         conform_object,
         conform_rows,
@@ -95,6 +96,15 @@ def conform(
                 conform_rows(result),
                 conform_sidecar(result),
             )
+        write_reports(
+            common.out,
+            opened,
+            subjects,
+            results,
+            settings=score_settings(options),
+            denoise=denoise,
+            quiet=common.quiet,
+        )
     failed = _gate(results, fail_under)
     text = [conform_text(result) for result in results]
     text += [f"Participant {entry['id']}: skipped, {entry['reason']}" for entry in skipped]

@@ -32,7 +32,7 @@ def demo(*, dataset: Path | None = None, common: Common | None = None) -> Outcom
         Options of every command; --out is reports/demo unless given.
     """
     from kiribench.cli.participants import each
-    from kiribench.cli.report_files import write_reports
+    from kiribench.cli.report_files import score_settings, write_reports
     from kiribench.conformability.export import conform_rows, conform_sidecar
     from kiribench.conformability.score import ScoreOptions, score_subject
     from kiribench.dataset import Dataset
@@ -56,7 +56,7 @@ def demo(*, dataset: Path | None = None, common: Common | None = None) -> Outcom
         write_table(folder / f"{stem}_strain.tsv", strain_rows(strain), strain_sidecar(strain))
         write_table(folder / f"{stem}_conform.tsv", conform_rows(score), conform_sidecar(score))
     index = write_reports(
-        out, opened, subjects, scores, settings=options_of(options), strains=strains,
+        out, opened, subjects, scores, settings=score_settings(options), strains=strains,
         quiet=common.quiet,
     )  # fmt: skip
     truths = [read_truth(opened, subject.id) for subject in subjects]
@@ -98,13 +98,6 @@ def find_synthetic(out: Path, *, quiet: bool) -> Path:
     with progress("making subjects", quiet=quiet) as advance:
         write_dataset(made, list(STORED.values()), progress=advance)
     return made
-
-
-def options_of(options: Any) -> dict[str, Any]:
-    """The options of a score by their names on the command line."""
-    from dataclasses import asdict
-
-    return {name.replace("_", "-"): value for name, value in asdict(options).items()}
 
 
 def row(score: Conformability, strain: StrainField, truth: Truth | None) -> dict[str, Any]:

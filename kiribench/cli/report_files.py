@@ -3,16 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from kiribench.errors import DataError, Fault
+
 if TYPE_CHECKING:
     from kiribench.conformability.result import Conformability
+    from kiribench.conformability.score import ScoreOptions
     from kiribench.dataset import Dataset, Subject
     from kiribench.strain.result import StrainField
     from kiribench.surface.acquisition import Denoise
 
 INDEX = "index.html"
+
+
+def score_settings(options: ScoreOptions) -> dict[str, Any]:
+    """The options of a score by their names on the command line."""
+    return {name.replace("_", "-"): value for name, value in asdict(options).items()}
 
 
 def write_reports(
@@ -44,18 +53,17 @@ def write_reports(
     from kiribench.cli.progress import progress
     from kiribench.report import report_name, write_index, write_subject_report
     from kiribench.report.gather import gather
-    from kiribench.strain.measure import measure_subject
     from kiribench.surface.acquisition import acquire
 
     pages = []
     with progress("writing reports", quiet=quiet) as advance:
         for done, (subject, score) in enumerate(zip(subjects, scores, strict=True)):
             advance(done, len(subjects))
+            doubts: tuple[Fault, ...] = ()
             if strains is not None:
                 strain = strains[done]
             else:
-                bare = subject.has("flex000")
-                strain = measure_subject(subject, denoise=denoise) if bare else None
+                strain, doubts = _strain(subject, denoise)
             used = dict(settings)
             if strain is not None:
                 used["strain-measure"] = strain.strain_measure
@@ -67,8 +75,21 @@ def write_reports(
                 strain=strain,
                 surface=acquire(subject, "flex090", denoise=denoise).mesh,
                 settings=used,
+                warnings=doubts,
             )
             write_subject_report(out / report_name(subject.id), page)
             pages.append(page)
         advance(len(subjects), len(subjects))
     return write_index(out / INDEX, pages)
+
+
+def _strain(subject: Subject, denoise: Denoise) -> tuple[StrainField | None, tuple[Fault, ...]]:
+    """The skin strain where it can be measured; a score does not depend on it."""
+    from kiribench.strain.measure import measure_subject
+
+    if not subject.has("flex000"):
+        return None, ()
+    try:
+        return measure_subject(subject, denoise=denoise), ()
+    except DataError as error:
+        return None, tuple(replace(fault, severity="warning") for fault in error.faults)

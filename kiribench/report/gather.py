@@ -8,6 +8,7 @@ from typing import Any
 
 from kiribench.conformability.result import Conformability
 from kiribench.dataset import Dataset, Subject
+from kiribench.errors import Fault
 from kiribench.provenance import provenance
 from kiribench.report.subject import SubjectReport
 from kiribench.report.truth import read_truth
@@ -24,6 +25,7 @@ def gather(
     strain: StrainField | None,
     surface: Mesh | None,
     settings: Mapping[str, Any],
+    warnings: tuple[Fault, ...] = (),
 ) -> SubjectReport:
     """Put together what the page of one subject shows.
 
@@ -32,6 +34,7 @@ def gather(
         conformability, strain: the results, or None.
         surface: the bare flexed scan, mm, or None where no picture is wanted.
         settings: the options in force, by their names on the command line.
+        warnings: what is doubtful beyond what the results carry.
     """
     record = provenance((*dataset.files, *subject.files))
     root = dataset.root.resolve()
@@ -50,6 +53,7 @@ def gather(
         surface=surface,
         settings=settings,
         provenance=record,
+        warnings=warnings,
         truth=read_truth(dataset, subject.id) if synthetic else None,
     )
 

@@ -79,15 +79,15 @@ def _table(subjects: Sequence[SubjectReport]) -> Html:
     rows: list[tuple[object, ...]] = []
     for subject in subjects:
         link = tag("a", subject.participant, href=report_name(subject.participant))
+        who = [link, tag("span", f" {subject.limb}", class_="quiet")]
         score = subject.conformability
         if score is None:
-            rows.append((link, subject.limb, *[ABSENT] * 6))
+            rows.append((who, *[ABSENT] * 6))
             continue
         whole = score.whole
         rows.append(
             (
-                link,
-                subject.limb,
+                who,
                 percent(whole.satisfactory),
                 percent_span(whole.satisfactory_low, whole.satisfactory_high),
                 whole.good,
@@ -97,10 +97,10 @@ def _table(subjects: Sequence[SubjectReport]) -> Html:
             )
         )
     return table(
-        ("Subject", "Limb", "At least fair", "95 % interval", "Good", "Fair", "Poor", "Scored"),
+        ("Subject", "At least fair", "95 % interval", "Good", "Fair", "Poor", "Scored"),
         rows,
         caption="Cells of each patch by grade; the interval is that of the share at least fair.",
-        numeric=(2, 3, 4, 5, 6, 7),
+        numeric=(1, 2, 3, 4, 5, 6),
     )
 
 

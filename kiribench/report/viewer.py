@@ -125,10 +125,19 @@ def traces(
                 "hovertext": [hover[r][c] for r, c in scored],
                 "hoverinfo": "text",
                 "textfont": {"size": 13, "color": INK, "weight": "bold"},
-                **_xyz(np.array([patch_mm[r, c].mean(axis=0) for r, c in scored])),
+                **_xyz(np.array([_above(patch_mm[r, c]) for r, c in scored])),
             }
         )
     return lines
+
+
+def _above(outline: NDArray[np.float64]) -> NDArray[np.float64]:
+    """A point above the middle of a cell, clear of the skin that bulges inside it."""
+    about = outline - outline.mean(axis=0)
+    normal = np.cross(about, np.roll(about, -1, axis=0)).sum(axis=0)
+    normal *= np.sign(normal[2]) / np.linalg.norm(normal)
+    lift = 0.25 * float(np.linalg.norm(about, axis=1).max())
+    return np.asarray(outline.mean(axis=0) + lift * normal)
 
 
 def _strong(grade: str) -> str:
@@ -156,6 +165,9 @@ def _loops(outlines: NDArray[np.float64], which: NDArray[np.bool_]) -> NDArray[n
 
 
 def _layout(vertices_mm: NDArray[np.float64]) -> dict[str, Any]:
+    # The same scale along all axes; the longest side is one unit of the camera.
+    extent = np.ptp(vertices_mm, axis=0)
+    ratio = [round(float(side), 6) for side in extent / extent.max()]
     axis = {
         "visible": False,
         "showspikes": False,
@@ -169,10 +181,11 @@ def _layout(vertices_mm: NDArray[np.float64]) -> dict[str, Any]:
             "xaxis": axis,
             "yaxis": axis,
             "zaxis": axis,
-            "aspectmode": "data",
+            "aspectmode": "manual",
+            "aspectratio": dict(zip("xyz", ratio, strict=True)),
             "dragmode": "orbit",
             "camera": {
-                "eye": {"x": 0.0, "y": 0.0, "z": 2.4},
+                "eye": {"x": 0.0, "y": 0.0, "z": 1.3},
                 "up": {"x": 0.0, "y": 1.0, "z": 0.0},
                 "projection": {"type": "perspective"},
             },

@@ -48,7 +48,9 @@ def region_map(
         sheet.borders(axes, regions, width=2.2)
         for label, (row_, column_) in label_places(regions).items():
             good, scored = ratios.get(label, (0, 0))
-            share = f"{100 * good / scored:.0f} %" if scored else "none scored"
+            share = (
+                f"{100 * good / scored:.1f} %".replace(".0 %", " %") if scored else "none scored"
+            )
             ink = inks[label]
             shown = label if len(label) <= 6 else label[:5] + "…"
             sheet.write(

@@ -56,7 +56,7 @@ def paper_section(subject: SubjectReport) -> Html | None:
         table(
             ("Quantity", "This subject", "Paper"),
             rows,
-            caption="Values that mean the same in both.",
+            caption="Quantities that mean the same in both; the paper gives most of them in words.",
         )
         if rows
         else None,

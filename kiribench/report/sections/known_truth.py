@@ -41,7 +41,8 @@ def truth_section(subject: SubjectReport) -> Html | None:
                 (item.quantity, item.cells, f"{item.largest:.4f}", f"{item.rms:.4f}")
                 for item in found
             ],
-            caption="Difference of measured and true values.",
+            caption="Difference of measured and true values. The true shear is that of the cell's "
+            "centre, the measured one is fitted over the whole cell.",
             numeric=(1, 2, 3),
         ),
         id="truth",

@@ -52,7 +52,7 @@ def provenance_section(subject: SubjectReport) -> Html:
             "p",
             f"kiribench {record.get('kiribench', ABSENT)}, Python {record.get('python', ABSENT)}; ",
             ", ".join(f"{name} {version}" for name, version in libraries.items() if version),
-            ". The same inputs and settings give the same report, byte for byte.",
+            ". The same inputs, settings and versions give the same report, byte for byte.",
         ),
         table(
             ("Option", "Value"),

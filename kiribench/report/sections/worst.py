@@ -30,7 +30,7 @@ def worst_section(subject: SubjectReport, score: Conformability) -> Html | None:
     cells = worst_cells(score, SHOWN)
     if not cells:
         return None
-    half = 1.08 * max(
+    half = 1.15 * max(
         float(np.abs(outlines[cell]).max())
         for outlines in (score.skin_outline_mm, score.patch_outline_mm)
         for cell in cells
@@ -75,6 +75,38 @@ def amounts(score: Conformability, cell: tuple[int, int]) -> dict[str, str]:
     }
 
 
+def main_cause(score: Conformability, cell: tuple[int, int]) -> str:
+    """The main cause of one cell as a sentence with its direction and size."""
+    parts, main = score.causes, str(score.causes.main[cell])
+    if main == "shift":
+        distal, medial = (float(part) for part in parts.shift_mm[cell])
+        size = float(np.hypot(distal, medial))
+        towards = [
+            word
+            for part, word in (
+                (distal, "distal" if distal > 0 else "proximal"),
+                (medial, "medial" if medial > 0 else "lateral"),
+            )
+            if abs(part) > 0.38 * size  # beyond about 22 degrees from the other axis
+        ]
+        return f"Mostly shift: the patch cell lies {size:.1f} mm too far {'-'.join(towards)}."
+    if main == "rotation":
+        angle = float(parts.rotation_deg[cell])
+        sense = "distal towards medial" if angle > 0 else "medial towards distal"
+        return f"Mostly rotation: the patch cell is turned by {abs(angle):.1f}° from {sense}."
+    if main in ("longitudinal-stretch", "lateral-stretch"):
+        along = main == "longitudinal-stretch"
+        stretch = float((parts.longitudinal_stretch if along else parts.lateral_stretch)[cell])
+        words = ("long", "short") if along else ("wide", "narrow")
+        word = words[0] if stretch > 1 else words[1]
+        return f"Mostly size: the patch cell is {100 * abs(stretch - 1):.0f} % too {word}."
+    if main == "shear":
+        return f"Mostly shear: {number(float(parts.shear[cell]), sign=True)} against the skin cell."
+    if main == "rest":
+        return f"Mostly shape: {MEANING['rest']}."
+    return "No single cause costs half a percent."
+
+
 SHORT = {
     "shift": "shift",
     "rotation": "rotation",
@@ -101,14 +133,8 @@ def _card(
         for cause, cost in zip(CAUSES, costs, strict=True)
     ]
     overlap = float(score.overlap[cell])
-    main = str(score.causes.main[cell])
     grade = str(score.grade[cell])
     interval = span(float(score.overlap_low[cell]), float(score.overlap_high[cell]))
-    why = (
-        f"Mostly {main.replace('-', ' ')}: {MEANING[main]}."
-        if main in MEANING
-        else "No single cause costs half a percent."
-    )
     drawing = outline_card(
         score.skin_outline_mm[cell],
         score.patch_outline_mm[cell],
@@ -132,7 +158,7 @@ def _card(
                 f"{overlap_words(overlap)}, {grade}. ",
             ),
             f"95 % interval {interval}. ",
-            why,
+            main_cause(score, cell),
         ],
         class_="card",
     )
