@@ -93,11 +93,13 @@ def _line(start: str, new: str) -> Writer:
     return _edited(change)
 
 
-def _cut_inside_last_index(text: str) -> str:
-    lines = text.rstrip("\n").split("\n")
-    # The last face then names vertex 1, at the other end of the scan.
-    head, last = lines[-1].rsplit(" ", 1)
-    return "\n".join([*lines[:-1], f"{head} {last[:1]}"])
+def _cut_inside_last_index(base: Path, mesh: Mesh) -> Path:
+    """The last face is at the scan's far end; its cut index names a vertex at the near end."""
+    faces = mesh.faces[np.argsort(mesh.faces.max(axis=1), kind="stable")]
+    text = obj_text(replace(mesh, faces=faces)).rstrip("\n")
+    path = base.with_suffix(".obj")
+    path.write_text(text[: text.rindex(" ") + 2])
+    return path
 
 
 # Meshes -----------------------------------------------------------------------------------
@@ -377,7 +379,7 @@ CASES: tuple[Case, ...] = (
         "obj-few-coordinates",
     ),
     Case("cut in a face", _edited(lambda text: text.rstrip().rsplit(" ", 1)[0]), "obj-few-corners"),
-    Case("cut in an index", _edited(_cut_inside_last_index), "obj-truncated"),
+    Case("cut in an index", _cut_inside_last_index, "obj-truncated"),
     # Lines
     Case("decimal comma", _line("v ", "v 1,5 2,5 3,5"), "obj-bad-number"),
     Case("word for a number", _line("v ", "v 1.5 two 3"), "obj-bad-number"),

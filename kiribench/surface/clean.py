@@ -383,7 +383,7 @@ def _flip_flat(work: Cleaned) -> None:
                 faces[face] = (u, x, w)
                 faces[other] = (x, v, w)
                 touched[other] = True
-                work.remade[[face, other]] = True
+                work.remade[face] = work.remade[other] = True
                 work.face_source[face] = work.face_source[other]
         work.faces = faces
         if dropped.any():

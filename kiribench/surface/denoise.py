@@ -118,10 +118,14 @@ def _smoothed(mesh: Mesh, radius_mm: float) -> tuple[Mesh, float]:
     # The edge of an equilateral triangle of median area: noise makes the edges themselves long.
     edge = float(np.sqrt(np.median(areas) * 4 / np.sqrt(3)))
     passes = int(np.clip(round((radius_mm / max(edge, 1e-9)) ** 2), *_PASSES))
-    around = denoise_kernels.face_neighbours(centres, areas, faces, offsets, items, edge)
+    bounds, others, weights = denoise_kernels.face_neighbours(
+        centres, areas, faces, offsets, items, edge
+    )
     for _ in range(passes):
-        guide = denoise_kernels.filter_normals(normals, normals, *around, 0.0)
-        normals = denoise_kernels.filter_normals(normals, guide, *around, RANGE_SCALE)
+        guide = denoise_kernels.filter_normals(normals, normals, bounds, others, weights, 0.0)
+        normals = denoise_kernels.filter_normals(
+            normals, guide, bounds, others, weights, RANGE_SCALE
+        )
     directions = denoise_kernels.vertex_directions(normals, areas, faces, count)
     held = ~directions.any(axis=1)
     moves = min(_MOVES, 2 * passes)

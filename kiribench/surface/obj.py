@@ -195,7 +195,7 @@ def _blocks(path: Path, block_bytes: int) -> Iterator[tuple[NDArray[np.uint8], i
     first = True
     with path.open("rb", buffering=0) as stream:
         while True:
-            got = stream.readinto(memoryview(buffer)[kept:]) or 0
+            got = stream.readinto(buffer[kept:].data) or 0
             size = kept + got
             if first and got:
                 _refuse_other_formats(path, bytes(buffer[:4]))

@@ -238,7 +238,7 @@ def _number(buffer, at):  # type: ignore[no-untyped-def]
             mantissa = mantissa * _10 + digit
             at += _1
             digit = np.uint64(buffer[at]) - _DIGIT
-        exponent = -np.int64(at - point)
+        exponent -= np.int64(at - point)
         figures += at - point
     if figures == 0 or (buffer[at] == 35 and buffer[at - _1] == 46):
         value, at, good = _word(buffer, first)

@@ -47,7 +47,7 @@ def read_other(path: Path) -> tuple[Mesh, tuple[Fault, ...]]:
     faults: list[Fault] = []
     folder = path.parent
 
-    class Confined(trimesh.resolvers.Resolver):  # type: ignore[misc]
+    class Confined(trimesh.resolvers.Resolver):
         """Hands trimesh the files inside the scan's folder, and only these."""
 
         def __init__(self, *_: Any, **__: Any) -> None: ...
