@@ -277,7 +277,7 @@ def _maximise(
 ) -> likelihood.Maximum:
     try:
         return likelihood.maximise(form, objective, start, rows=rows, max_evaluations=limit)
-    except torch._C._LinAlgError as error:
+    except torch.linalg.LinAlgError as error:  # type: ignore[attr-defined]
         raise NotConvergedError(
             "gp-not-positive-definite",
             f"The covariance of the rows is not positive definite ({error}).",

@@ -113,16 +113,16 @@ class PaperGP(ExactGP):
         inputs = torch.as_tensor(unscaled.scale_inputs(X), device=place)
         values = torch.as_tensor(unscaled.scale_targets(y), device=place)
         if start is not None:
-            first = (start.length_scales[0], start.signal_variance, start.noise_ratio)
+            first = (start.length_scales[0], start.noise_ratio)
         else:
             widest = 1.0 if self.input_scaling == "range" else float(np.ptp(X, axis=0).max())
-            first = (0.5 * widest, 1.0, 1e-4)
-        (length, signal, noise), self.evaluations_ = maximise_in_gpytorch(
+            first = (0.5 * widest, 1e-4)
+        (length, signal, ratio), self.evaluations_ = maximise_in_gpytorch(
             inputs, values, first, self.max_evaluations
         )
         return replace(
             unscaled,
             length_scales=(length,),
             signal_variance=signal,
-            noise_ratio=noise / signal,
+            noise_ratio=ratio,
         )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -39,9 +40,11 @@ def gpytorch_model(
     likelihood = gpytorch.likelihoods.GaussianLikelihood(noise_constraint=_positive())
     model = GPyTorchModel(inputs, values, likelihood)
     model.to(dtype=torch.float64, device=inputs.device)
-    model.covar_module.base_kernel.lengthscale = length
-    model.covar_module.outputscale = signal
-    likelihood.noise = noise
+    # GPyTorch's setters make float32 of a plain float: eight digits lost.
+    length_, signal_, noise_ = torch.tensor([length, signal, noise], dtype=torch.float64)
+    model.covar_module.base_kernel.lengthscale = length_
+    model.covar_module.outputscale = signal_
+    likelihood.noise = noise_
     return model
 
 
@@ -57,51 +60,64 @@ def gpytorch_objective(model: GPyTorchModel, values: Tensor) -> tuple[float, Flo
     model.train()
     objective = gpytorch.mlls.ExactMarginalLogLikelihood(model.likelihood, model)
     free = _raw(model)
-    for parameter in free:
-        parameter.grad = None
     with exact_settings():
         loss = -objective(model(*model.train_inputs), values)
-    loss.backward()
-    slope = np.array([0.0 if x.grad is None else float(x.grad) for x in free])
-    return float(loss.detach()), slope
+    slope = torch.autograd.grad(loss, free)
+    return float(loss.detach()), np.array([float(x) for x in slope])
+
+
+def profiled_objective(model: GPyTorchModel, values: Tensor) -> tuple[float, FloatArray, float]:
+    """The same with the signal variance at its best, the model's own being 1.
+
+    Returns:
+        Negative log likelihood a row, its slope by log length scale and log noise ratio, and
+        the best signal variance.
+    """
+    model.train()
+    n = len(values)
+    with exact_settings():
+        covariance = model.likelihood(model(*model.train_inputs)).lazy_covariance_matrix
+        quadratic, log_det = covariance.inv_quad_logdet(values[:, None], logdet=True)
+    loss = 0.5 * (math.log(2.0 * math.pi) + 1.0 + (quadratic / n).log() + log_det / n)
+    length, _, noise = _raw(model)
+    slope = torch.autograd.grad(loss, (length, noise))
+    return float(loss.detach()), np.array([float(x) for x in slope]), float(quadratic.detach()) / n
 
 
 def maximise_in_gpytorch(
-    inputs: Tensor, values: Tensor, start: tuple[float, float, float], limit: int
+    inputs: Tensor, values: Tensor, start: tuple[float, float], limit: int
 ) -> tuple[tuple[float, float, float], int]:
-    """Length scale, signal and noise variance of maximum likelihood, and the evaluations.
+    """Length scale, signal variance and noise ratio of maximum likelihood, and the evaluations.
 
     Args:
         inputs: (n, d) scaled.
         values: (n,) scaled.
-        start: length scale, signal variance, noise ratio.
+        start: length scale and noise ratio.
         limit: most evaluations.
     """
-    model = gpytorch_model(inputs, values, start[0], start[1], start[1] * start[2])
-    free = _raw(model)
+    model = gpytorch_model(inputs, values, start[0], 1.0, start[1])
+    length, _, noise = _raw(model)
 
     def evaluate(vector: FloatArray) -> tuple[float, FloatArray]:
         with torch.no_grad():
-            for parameter, number in zip(free, vector, strict=True):
-                parameter.fill_(float(number))
-        return gpytorch_objective(model, values)
+            length.fill_(float(vector[0]))
+            noise.fill_(float(vector[1]))
+        return profiled_objective(model, values)[:2]
 
     reach = max(1.0, start[0])
-    bounds = [
-        (LENGTH_BOUNDS[0] * reach, LENGTH_BOUNDS[1] * reach),
-        (1e-4, 1e6),
-        (1e-8, MOST_NOISE),
-    ]
+    bounds = [(LENGTH_BOUNDS[0] * reach, LENGTH_BOUNDS[1] * reach), (1e-8, MOST_NOISE)]
     result = minimize(
         evaluate,
-        np.log([start[0], start[1], start[1] * start[2]]),
+        np.log(start),
         jac=True,
         method="L-BFGS-B",
         bounds=[(float(np.log(low)), float(np.log(high))) for low, high in bounds],
         options={"maxfun": limit, "ftol": 1e-7, "gtol": 1e-6},
     )
-    length, signal, noise = np.exp(np.asarray(result.x)).tolist()
-    return (length, signal, noise), int(result.nfev)
+    best = np.asarray(result.x)
+    evaluate(best)
+    signal = profiled_objective(model, values)[2]
+    return (float(np.exp(best[0])), signal, float(np.exp(best[1]))), int(result.nfev)
 
 
 def _positive() -> Any:
