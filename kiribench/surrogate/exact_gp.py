@@ -48,7 +48,7 @@ class ExactGP(RegressorMixin, BaseEstimator):  # type: ignore[misc]
     """Base of the exact Gaussian processes; a subclass says which kernel.
 
     Fitted attributes: ``hyperparameters_`` (:class:`Hyperparameters`), ``structure_``
-    (``"grid"``, ``"resampled"`` or ``"dense"``), ``round_trip_rms_`` (targets' unit, the
+    (``"grid"``, ``"resampled"`` or ``"dense"``), ``resampling_rms_`` (targets' unit, the
     cost of resampling), ``evaluations_`` (likelihoods computed),
     ``log_marginal_likelihood_`` (of the rows, or of the resampled grid).
     """
@@ -96,7 +96,7 @@ class ExactGP(RegressorMixin, BaseEstimator):  # type: ignore[misc]
             self.structure_: Structure = (
                 "dense" if grid is None else "resampled" if grid.resampled else "grid"
             )
-            self.round_trip_rms_ = 0.0 if grid is None else grid.round_trip_rms
+            self.resampling_rms_ = 0.0 if grid is None else grid.resampling_rms
             form = self._kernel_form(X_.shape[1])
             if given is not None and not self.optimise:
                 self.hyperparameters_ = given
