@@ -91,6 +91,10 @@ class LoadPath:
         """(n,) longitudinal strain, a fraction in the named measure."""
         return strain_of(self.longitudinal_stretch, measure)
 
+    def lateral_strain(self, measure: StrainMeasure = "log") -> FloatArray:
+        """(n,) lateral strain, a fraction in the named measure."""
+        return strain_of(self.lateral_stretch, measure)
+
     def poisson(self, measure: StrainMeasure = "log") -> FloatArray:
         """(n,) Poisson's ratio, both strains in the named measure."""
         return poisson_ratio(self.longitudinal_stretch, self.lateral_stretch, measure)

@@ -1,12 +1,22 @@
-"""Incompressible hyperelastic laws in plane stress, as energies of the principal stretches.
+"""Incompressible hyperelastic laws in plane stress.
 
 The energy per undeformed area and unit thickness depends on the in-plane deformation alone:
-incompressibility gives the thickness stretch, plane stress the pressure.
+incompressibility gives the thickness stretch 1 / (l1 l2), plane stress the pressure. Both laws
+are one-term Ogden laws; neo-Hookean is alpha = 2 and has a shorter way through the kernels.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import hypot, inf, log
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+from kiribench.errors import DataError
+
+FloatArray = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -18,6 +28,11 @@ class NeoHookean:
     """
 
     mu_mpa: float = 0.207
+
+    @property
+    def alpha(self) -> float:
+        """Ogden's exponent, 2."""
+        return 2.0
 
 
 @dataclass(frozen=True)
@@ -34,3 +49,191 @@ class Ogden:
 
 
 Material = NeoHookean | Ogden
+
+
+def uniaxial_stress(material: Material, stretch: FloatArray) -> FloatArray:
+    """Nominal stress (MPa, any shape) of a bar at a stretch (same shape), free sides.
+
+    2 mu / alpha (l^(alpha - 1) - l^(-alpha/2 - 1)); neo-Hookean mu (l - l^-2).
+    """
+    alpha = material.alpha
+    return np.asarray(
+        2 * material.mu_mpa / alpha * (stretch ** (alpha - 1) - stretch ** (-alpha / 2 - 1))
+    )
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A law fitted to a tension test.
+
+    Attributes:
+        material: the law.
+        largest_strain: engineering strain up to which the test was used.
+        rms_mpa: root mean square error of the nominal stress, MPa.
+        points: rows of the test that were used.
+    """
+
+    material: Material
+    largest_strain: float
+    rms_mpa: float
+    points: int
+
+
+def _check_test(strain: FloatArray, stress_mpa: FloatArray, largest_strain: float) -> FloatArray:
+    used = (strain >= 0) & (strain <= largest_strain)
+    if used.sum() < 5 or strain.shape != stress_mpa.shape:
+        raise DataError(
+            "tension-test-short",
+            "The tension test has too few points in the range of the fit.",
+            remedy="Raise the largest strain, or give a test with at least five points in it.",
+            got=int(used.sum()),
+            expected="5 or more",
+        )
+    return np.asarray(used)
+
+
+def _misfit(material: Material, strain: FloatArray, stress_mpa: FloatArray) -> float:
+    error = uniaxial_stress(material, 1 + strain) - stress_mpa
+    return float(np.sqrt(np.mean(error * error)))
+
+
+def fit_neo_hookean(strain: FloatArray, stress_mpa: FloatArray, largest_strain: float) -> Fit:
+    """Least-squares mu of a tension test: engineering strain (n,), nominal stress (n,) MPa.
+
+    Raises:
+        DataError: fewer than five points up to ``largest_strain``; raise it.
+    """
+    used = _check_test(strain, stress_mpa, largest_strain)
+    unit = uniaxial_stress(NeoHookean(1.0), 1 + strain[used])
+    law = NeoHookean(float(unit @ stress_mpa[used] / (unit @ unit)))
+    misfit = _misfit(law, strain[used], stress_mpa[used])
+    return Fit(law, largest_strain, misfit, int(used.sum()))
+
+
+def fit_ogden(strain: FloatArray, stress_mpa: FloatArray, largest_strain: float) -> Fit:
+    """Least-squares (mu, alpha) of a tension test: engineering strain (n,), stress (n,) MPa.
+
+    mu is linear and eliminated; alpha is found by a bounded scalar search on [1, 10].
+
+    Raises:
+        DataError: fewer than five points up to ``largest_strain``; raise it.
+    """
+    from scipy.optimize import minimize_scalar
+
+    used = _check_test(strain, stress_mpa, largest_strain)
+
+    def law(alpha: float) -> Ogden:
+        unit = uniaxial_stress(Ogden(1.0, alpha), 1 + strain[used])
+        return Ogden(float(unit @ stress_mpa[used] / (unit @ unit)), alpha)
+
+    def cost(alpha: float) -> float:
+        return _misfit(law(float(alpha)), strain[used], stress_mpa[used])
+
+    found = minimize_scalar(cost, bounds=(1.0, 10.0), method="bounded", options={"xatol": 1e-10})
+    best = law(float(found.x))
+    misfit = _misfit(best, strain[used], stress_mpa[used])
+    return Fit(best, largest_strain, misfit, int(used.sum()))
+
+
+@njit(cache=True, inline="always")
+def energy_density(a: float, b: float, c: float, d: float, mu: float, alpha: float) -> float:
+    """W (MPa) of the deformation gradient [[a, b], [c, d]]; infinite where it is not a map."""
+    det = a * d - b * c
+    if not det > 1e-9:
+        return inf
+    if alpha == 2.0:
+        return 0.5 * mu * (a * a + b * b + c * c + d * d + 1.0 / (det * det) - 3.0)
+    mean = 0.5 * hypot(a + d, c - b)
+    half = 0.5 * hypot(a - d, c + b)
+    l1 = mean + half
+    l2 = det / l1
+    return 2.0 * mu / (alpha * alpha) * (l1**alpha + l2**alpha + det**-alpha - 3.0)
+
+
+@njit(cache=True)
+def ogden_response(
+    a: float, b: float, c: float, d: float, mu: float, alpha: float, out: FloatArray
+) -> None:
+    """Nominal stress and tangent of the one-term Ogden law at F = [[a, b], [c, d]].
+
+    ``out`` (14,): P11, P12, P21, P22 (MPa), then the upper triangle of dP/dF, row by row.
+    In the frame of the principal directions dP/dF has four blocks: the Hessian of W(l1, l2),
+    the flip (W1 - W2)/(l1 - l2) and the twist (W1 + W2)/(l1 + l2).
+    """
+    e, h = 0.5 * (a + d), 0.5 * (c - b)
+    f, g = 0.5 * (a - d), 0.5 * (c + b)
+    q, r = hypot(e, h), hypot(f, g)
+    l1 = q + r
+    l2 = (a * d - b * c) / l1
+    turn = np.arctan2(h, e)
+    shear = np.arctan2(g, f) if r > 0.0 else 0.0
+    left, right = 0.5 * (shear + turn), 0.5 * (shear - turn)
+    u = np.array([[np.cos(left), -np.sin(left)], [np.sin(left), np.cos(left)]])
+    v = np.array([[np.cos(right), -np.sin(right)], [np.sin(right), np.cos(right)]])
+    k = 2.0 * mu / alpha
+    squeeze = (l1 * l2) ** -alpha
+    p1, p2 = l1**alpha, l2**alpha
+    w1, w2 = k * (p1 - squeeze) / l1, k * (p2 - squeeze) / l2
+    w11 = k * ((alpha - 1.0) * p1 + (alpha + 1.0) * squeeze) / (l1 * l1)
+    w22 = k * ((alpha - 1.0) * p2 + (alpha + 1.0) * squeeze) / (l2 * l2)
+    w12 = k * alpha * squeeze / (l1 * l2)
+    # (W1 - W2)/(l1 - l2): as x = log(l1/l2) -> 0 the quotient of the powers needs expm1.
+    flip = k * squeeze / (l1 * l2)
+    x = log(l1 / l2)
+    if x > 1e-9:
+        flip += k * l2 ** (alpha - 2.0) * np.expm1((alpha - 1.0) * x) / np.expm1(x)
+    else:
+        flip += k * l2 ** (alpha - 2.0) * (alpha - 1.0)
+    twist = (w1 + w2) / (l1 + l2)
+    modes = np.empty((4, 4))
+    for i in range(2):
+        for j in range(2):
+            n11, n22 = u[i, 0] * v[j, 0], u[i, 1] * v[j, 1]
+            n12, n21 = u[i, 0] * v[j, 1], u[i, 1] * v[j, 0]
+            row = 2 * i + j
+            modes[0, row] = n11
+            modes[1, row] = n22
+            modes[2, row] = np.sqrt(0.5) * (n12 + n21)
+            modes[3, row] = np.sqrt(0.5) * (n12 - n21)
+            out[row] = w1 * n11 + w2 * n22
+    at = 4
+    for i in range(4):
+        for j in range(i, 4):
+            out[at] = (
+                w11 * modes[0, i] * modes[0, j]
+                + w22 * modes[1, i] * modes[1, j]
+                + w12 * (modes[0, i] * modes[1, j] + modes[1, i] * modes[0, j])
+                + flip * modes[2, i] * modes[2, j]
+                + twist * modes[3, i] * modes[3, j]
+            )
+            at += 1
+
+
+@njit(cache=True)
+def response(
+    a: float, b: float, c: float, d: float, mu: float, alpha: float, out: FloatArray
+) -> None:
+    """Nominal stress and tangent at F = [[a, b], [c, d]]; ``out`` as in ``ogden_response``.
+
+    Neo-Hookean: P = mu (F - J^-3 cof F), dP/dF = mu (I + 3 J^-4 cof F (x) cof F - J^-3 d cof F).
+    """
+    if alpha != 2.0:
+        ogden_response(a, b, c, d, mu, alpha, out)
+        return
+    det = a * d - b * c
+    j3 = 1.0 / (det * det * det)
+    j4 = 3.0 * j3 / det
+    out[0] = mu * (a - j3 * d)
+    out[1] = mu * (b + j3 * c)
+    out[2] = mu * (c + j3 * b)
+    out[3] = mu * (d - j3 * a)
+    out[4] = mu * (1.0 + j4 * d * d)
+    out[5] = -mu * j4 * d * c
+    out[6] = -mu * j4 * d * b
+    out[7] = mu * (j4 * a * d - j3)
+    out[8] = mu * (1.0 + j4 * c * c)
+    out[9] = mu * (j4 * b * c + j3)
+    out[10] = -mu * j4 * a * c
+    out[11] = mu * (1.0 + j4 * b * b)
+    out[12] = -mu * j4 * a * b
+    out[13] = mu * (1.0 + j4 * a * a)

@@ -1,0 +1,246 @@
+"""Energy, nodal forces and tangent stiffness of six-node triangles, assembled as one matrix."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import inf, isfinite
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+from scipy.sparse import csc_array
+from scipy.sparse.linalg import splu
+
+from kiribench.fem.material import Material, energy_density, response
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+
+# The six-point rule of degree four (Dunavant, Int. J. Num. Meth. Eng. 21, 1985). The three-point
+# rule of degree two costs half, but triangles at a tip then fold between its points at stretches
+# of ten and more, which stopped the sheet of 90 % cuts at a strain of .3.
+_NEAR, _FAR = 0.445948490915965, 0.091576213509771
+_POINTS = np.array(
+    [
+        [_NEAR, _NEAR],
+        [1 - 2 * _NEAR, _NEAR],
+        [_NEAR, 1 - 2 * _NEAR],
+        [_FAR, _FAR],
+        [1 - 2 * _FAR, _FAR],
+        [_FAR, 1 - 2 * _FAR],
+    ]
+)
+_WEIGHTS = np.array([0.223381589678011] * 3 + [0.109951743655322] * 3) / 2
+
+
+@dataclass(frozen=True, eq=False)
+class Quadrature:
+    """Shape-function gradients at the integration points of m elements.
+
+    Attributes:
+        gradients: (m, q, 6, 2) derivatives by the undeformed x and y, 1/mm.
+        areas_mm2: (m, q) undeformed area that belongs to each point, mm^2.
+    """
+
+    gradients: FloatArray
+    areas_mm2: FloatArray
+
+
+def quadrature(points_mm: FloatArray, triangles: IntArray) -> Quadrature:
+    """Gradients and areas of six-node triangles (m, 6) on nodes (n, 2), either orientation.
+
+    Raises:
+        ValueError: an element is folded.
+    """
+    r, s = _POINTS[:, 0], _POINTS[:, 1]
+    t = 1 - r - s
+    zero = np.zeros_like(r)
+    by_r = np.stack([1 - 4 * t, 4 * r - 1, zero, 4 * (t - r), 4 * s, -4 * s], axis=1)
+    by_s = np.stack([1 - 4 * t, zero, 4 * s - 1, -4 * r, 4 * r, 4 * (t - s)], axis=1)
+    local = np.stack([by_r, by_s], axis=2)
+    jacobian = np.einsum("eai,qar->eqir", points_mm[triangles], local)
+    determinant = np.linalg.det(jacobian)
+    if np.any(determinant.min(axis=1) * determinant.max(axis=1) <= 0):
+        raise ValueError("an element of the mesh is folded")
+    gradients = np.einsum("qar,eqri->eqai", local, np.linalg.inv(jacobian))
+    return Quadrature(np.ascontiguousarray(gradients), np.abs(determinant) * _WEIGHTS)
+
+
+@njit(cache=True)
+def total_energy(
+    x: FloatArray,
+    triangles: IntArray,
+    gradients: FloatArray,
+    areas: FloatArray,
+    mu: float,
+    alpha: float,
+) -> float:
+    """Energy (N, per unit thickness N mm / mm) at deformed nodes x (n, 2); inf if folded."""
+    total = 0.0
+    for e in range(triangles.shape[0]):
+        for q in range(areas.shape[1]):
+            a = b = c = d = 0.0
+            for i in range(6):
+                node = triangles[e, i]
+                g0, g1 = gradients[e, q, i, 0], gradients[e, q, i, 1]
+                a += x[node, 0] * g0
+                b += x[node, 0] * g1
+                c += x[node, 1] * g0
+                d += x[node, 1] * g1
+            total += areas[e, q] * energy_density(a, b, c, d, mu, alpha)
+            if not isfinite(total):
+                return inf
+    return total
+
+
+@njit(cache=True)
+def forces_and_stiffness(
+    x: FloatArray,
+    triangles: IntArray,
+    gradients: FloatArray,
+    areas: FloatArray,
+    mu: float,
+    alpha: float,
+    place: npt.NDArray[np.int32],
+    with_stiffness: bool,
+    force: FloatArray,
+    values: FloatArray,
+) -> None:
+    """Add nodal forces (n, 2) and, by ``place`` (m, 12, 12), stiffness entries ``values`` (z,).
+
+    ``place`` holds -1 where a row or column is prescribed.
+    """
+    local = np.empty((12, 12))
+    out = np.empty(14)
+    for e in range(triangles.shape[0]):
+        if with_stiffness:
+            local[:] = 0.0
+        for q in range(areas.shape[1]):
+            a = b = c = d = 0.0
+            for i in range(6):
+                node = triangles[e, i]
+                g0, g1 = gradients[e, q, i, 0], gradients[e, q, i, 1]
+                a += x[node, 0] * g0
+                b += x[node, 0] * g1
+                c += x[node, 1] * g0
+                d += x[node, 1] * g1
+            response(a, b, c, d, mu, alpha, out)
+            w = areas[e, q]
+            for i in range(6):
+                node = triangles[e, i]
+                g0, g1 = w * gradients[e, q, i, 0], w * gradients[e, q, i, 1]
+                force[node, 0] += out[0] * g0 + out[1] * g1
+                force[node, 1] += out[2] * g0 + out[3] * g1
+                if not with_stiffness:
+                    continue
+                x0, x1 = out[4] * g0 + out[5] * g1, out[5] * g0 + out[8] * g1
+                x2, x3 = out[6] * g0 + out[9] * g1, out[7] * g0 + out[10] * g1
+                y0, y1 = out[6] * g0 + out[7] * g1, out[9] * g0 + out[10] * g1
+                y2, y3 = out[11] * g0 + out[12] * g1, out[12] * g0 + out[13] * g1
+                for j in range(i, 6):
+                    h0, h1 = gradients[e, q, j, 0], gradients[e, q, j, 1]
+                    local[2 * i, 2 * j] += x0 * h0 + x1 * h1
+                    local[2 * i, 2 * j + 1] += x2 * h0 + x3 * h1
+                    local[2 * i + 1, 2 * j] += y0 * h0 + y1 * h1
+                    local[2 * i + 1, 2 * j + 1] += y2 * h0 + y3 * h1
+        if not with_stiffness:
+            continue
+        for i in range(12):
+            for j in range(2 * (i // 2), 12):
+                at = place[e, i, j]
+                if at >= 0:
+                    values[at] += local[i, j]
+                if j // 2 > i // 2:
+                    at = place[e, j, i]
+                    if at >= 0:
+                        values[at] += local[i, j]
+
+
+class AssembledSystem:
+    """The equations of a mesh as one sparse matrix, factorised by SuperLU.
+
+    Args:
+        points_mm: (n, 2) nodes at rest.
+        triangles: (m, 6) elements.
+        equation: (n, 2) equation of each displacement; the same number twice ties two, -1 is
+            prescribed.
+        material: the law.
+    """
+
+    def __init__(
+        self, points_mm: FloatArray, triangles: IntArray, equation: IntArray, material: Material
+    ) -> None:
+        self.points_mm = points_mm
+        self.triangles = triangles
+        self.equation = equation
+        self.size = int(equation.max()) + 1
+        self._law = (material.mu_mpa, float(material.alpha))
+        self._quadrature = quadrature(points_mm, triangles)
+        rows = equation[triangles].reshape(len(triangles), 12)
+        one = np.repeat(rows[:, :, None], 12, axis=2)
+        two = np.repeat(rows[:, None, :], 12, axis=1)
+        kept = (one >= 0) & (two >= 0)
+        code, position = np.unique(two[kept] * self.size + one[kept], return_inverse=True)
+        self._place = np.full(kept.shape, -1, dtype=np.int32)
+        self._place[kept] = position
+        self._indices = (code % self.size).astype(np.int32)
+        self._pointers = np.searchsorted(code // self.size, np.arange(self.size + 1))
+        self._values = np.zeros(len(code))
+        self.area_mm2 = float(self._quadrature.areas_mm2.sum())
+
+    def energy(self, x: FloatArray) -> float:
+        """Elastic energy per unit thickness (N) at deformed nodes (n, 2) mm; inf if folded."""
+        part = self._quadrature
+        return float(total_energy(x, self.triangles, part.gradients, part.areas_mm2, *self._law))
+
+    def _assemble(self, x: FloatArray, with_stiffness: bool) -> FloatArray:
+        force = np.zeros_like(self.points_mm)
+        part = self._quadrature
+        forces_and_stiffness(
+            x,
+            self.triangles,
+            part.gradients,
+            part.areas_mm2,
+            *self._law,
+            self._place,
+            with_stiffness,
+            force,
+            self._values,
+        )
+        return force
+
+    def forces(self, x: FloatArray) -> FloatArray:
+        """(n, 2) internal nodal forces per unit thickness, N/mm."""
+        return self._assemble(x, with_stiffness=False)
+
+    def reduce(self, force: FloatArray) -> FloatArray:
+        """(size,) residual of the free equations from nodal forces (n, 2)."""
+        free = self.equation >= 0
+        return np.bincount(self.equation[free], force[free], minlength=self.size)
+
+    def stiffness(self, x: FloatArray) -> csc_array:
+        """(size, size) tangent stiffness of the free equations, N/mm per mm."""
+        self._values[:] = 0.0
+        self._assemble(x, with_stiffness=True)
+        return csc_array(
+            (self._values.copy(), self._indices, self._pointers), shape=(self.size, self.size)
+        )
+
+    def linearise(self, x: FloatArray) -> FloatArray:
+        """Factorise the tangent at x; returns the (size,) residual there."""
+        self._values[:] = 0.0
+        force = self._assemble(x, with_stiffness=True)
+        matrix = csc_array(
+            (self._values, self._indices, self._pointers), shape=(self.size, self.size)
+        )
+        self._factor = splu(
+            matrix,
+            permc_spec="MMD_AT_PLUS_A",
+            diag_pivot_thresh=0.0,
+            options={"SymmetricMode": True},
+        )
+        return self.reduce(force)
+
+    def solve(self, residual: FloatArray) -> FloatArray:
+        """(size,) solution with the last factorised tangent."""
+        return np.asarray(self._factor.solve(residual))
