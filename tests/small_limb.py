@@ -32,8 +32,13 @@ class Limb:
     radius_mm: float = 57.0
     bend_radius_mm: float = 120.0
     margin_cells: int = 2
-    steps: int = 2
+    steps: int = 3
     side: str = "right"
+
+    @property
+    def mesh_columns(self) -> int:
+        """Quadrangles across the mesh; a row of vertices has one more."""
+        return (self.columns + 2 * self.margin_cells) * self.steps
 
     @property
     def spacing_mm(self) -> float:
@@ -75,7 +80,7 @@ class Limb:
     def mesh(self, pose: str) -> tuple[FloatArray, NDArray[np.int64]]:
         """(n, 3) vertices and (m, 3) faces, counter-clockwise seen from outside."""
         rows = (self.rows + 2 * self.margin_cells) * self.steps
-        columns = (self.columns + 2 * self.margin_cells) * self.steps
+        columns = self.mesh_columns
         s = (np.arange(rows + 1) - rows / 2) * self.spacing_mm
         t = (np.arange(columns + 1) - columns / 2) * self.spacing_mm
         vertices = self.surface(*np.meshgrid(s, t, indexing="ij"), pose).reshape(-1, 3)

@@ -16,6 +16,7 @@ from kiribench.surface.mesh import FloatArray, Mesh
 from kiribench.surface.nodes import LocatedNodes, locate_nodes
 from kiribench.surface.read import MM_PER_UNIT, read_scan
 from kiribench.surface.repair import repair_mesh
+from kiribench.surface.topology import topology
 
 UNIT_REACH = 0.03
 """Largest median distance of the nodes from the next vertex, as a part of their extent: a
@@ -156,15 +157,8 @@ def _size(points: FloatArray) -> float:
 
 def _pieces(mesh: Mesh, located: LocatedNodes, table: str) -> list[Fault]:
     """``nodes-on-pieces`` if the nodes lie on pieces of the scan that are not connected."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
-    tails = mesh.faces.ravel()
-    heads = np.roll(mesh.faces, -1, axis=1).ravel()
-    size = len(mesh.vertices_mm)
-    graph = coo_array((np.ones(len(tails), dtype=bool), (tails, heads)), shape=(size, size))
-    _, label = connected_components(graph, directed=False)
-    counts = np.unique(label[mesh.faces[located.points.faces, 0]], return_counts=True)[1]
+    pieces = topology(mesh).components[located.points.faces]
+    counts = np.unique(pieces, return_counts=True)[1]
     if len(counts) < 2:
         return []
     return [
