@@ -157,3 +157,6 @@ COARSE_KNEE_OVERLAP = 0.003
 """Fraction: the recorded knees have 3 mm triangles, whose chords stand 0.1 mm off the smooth
 patella; clipping on the mesh itself then misses the smooth truth by .0023, too. With 1.5 mm
 triangles .002 holds (a slow test)."""
+
+PRINTED_OVERLAP = 1e-8
+"""Fraction: tables have nine significant digits."""

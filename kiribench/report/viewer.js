@@ -28,6 +28,7 @@
       status.textContent = "This browser cannot show the 3-D view (" + error.message + ").";
     }
   };
+  status.textContent = "";
   button.hidden = false;
   button.addEventListener("click", show);
 })();

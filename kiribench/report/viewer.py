@@ -76,12 +76,15 @@ def viewer(
     stage = tag(
         "div",
         tag("button", "Load the 3-D view", type="button", id="view-load", hidden=""),
-        tag("p", "", id="view-status", role="status", class_="quiet"),
-        tag("div", id=DIV_ID, class_="stage", hidden="", aria_label="3-D view of the patch cells"),
+        # The script empties this line when it runs.
         tag(
-            "noscript",
-            tag("p", "The turning view needs scripts; the picture shows the same cells."),
+            "p",
+            "The turning view needs scripts; the picture shows the same cells.",
+            id="view-status",
+            role="status",
+            class_="quiet",
         ),
+        tag("div", id=DIV_ID, class_="stage", hidden="", aria_label="3-D view of the patch cells"),
         class_="viewer",
     )
     return Viewer(stage, Html("\n".join(payload)), (_hash(script.encode()), _library_hash()))
