@@ -138,12 +138,11 @@ def _stacked(mesh: Mesh, xyz: object, faces: object) -> Mesh:
 
 def with_fin(mesh: Mesh) -> Mesh:
     """A third face on the edges around an inner vertex, each larger than a speck."""
-    face = _faces_at(mesh, inner_vertex(mesh))
-    count = len(mesh.vertices_mm)
-    edges = mesh.faces[face][:, :2]
-    tips = mesh.vertices_mm[edges].mean(axis=1) + np.array([0.0, 200.0, 0.0])
-    fins = np.column_stack([edges, count + np.arange(len(face))])
-    return _stacked(mesh, tips, fins)
+    vertex = inner_vertex(mesh)
+    ring = np.setdiff1d(mesh.faces[_faces_at(mesh, vertex)], [vertex])
+    tips = mesh.vertices_mm[ring] + np.array([0.0, 200.0, 0.0])
+    new = len(mesh.vertices_mm) + np.arange(len(ring))
+    return _stacked(mesh, tips, np.column_stack([np.full(len(ring), vertex), ring, new]))
 
 
 def moebius(_: Mesh) -> Mesh:

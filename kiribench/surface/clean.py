@@ -26,7 +26,7 @@ SMALLEST_DIAGONAL_MM = 5.0
 FARTHEST_ORIGIN_MM = 1e6
 
 NEAR_FRACTION = 1e-3
-"""Border vertices closer than this share of the median edge are one vertex."""
+"""Border vertices closer than this share of the shortest edge at them are one vertex."""
 
 FLAT_FRACTION = 1e-7
 """A face is degenerate if its height over the longest edge is below this share of it."""
@@ -252,11 +252,20 @@ def _with_near(work: Cleaned, same: NDArray[np.int64]) -> NDArray[np.int64]:
     border = np.unique(
         np.concatenate([welded[single // 3, single % 3], welded[single // 3, (single + 1) % 3]])
     )
-    lengths = _edge_lengths(work.xyz, welded, order, starts)
-    reach = NEAR_FRACTION * float(np.median(lengths))
-    if reach <= 0:
+    half = order[starts[:-1]]
+    tail, head = welded[half // 3, half % 3], welded[half // 3, (half + 1) % 3]
+    lengths = np.linalg.norm(work.xyz[head] - work.xyz[tail], axis=1)
+    # Never more than the median: a few long edges must not make the search wide.
+    shortest = np.full(count, np.median(lengths))
+    np.minimum.at(shortest, tail, lengths)
+    np.minimum.at(shortest, head, lengths)
+    reach = NEAR_FRACTION * shortest[border]
+    if reach.max() <= 0:
         return same
-    pairs = cKDTree(work.xyz[border]).query_pairs(reach, output_type="ndarray")
+    pairs = cKDTree(work.xyz[border]).query_pairs(reach.max(), output_type="ndarray")
+    first, second = pairs.T
+    apart = np.linalg.norm(work.xyz[border[first]] - work.xyz[border[second]], axis=1)
+    pairs = pairs[apart <= np.minimum(reach[first], reach[second])]
     if len(pairs) == 0:
         return same
     joined = coo_array(
@@ -267,14 +276,6 @@ def _with_near(work: Cleaned, same: NDArray[np.int64]) -> NDArray[np.int64]:
     lowest = np.full(label.max() + 1, count)
     np.minimum.at(lowest, label, np.arange(count))
     return np.asarray(lowest[label][same], dtype=np.int64)
-
-
-def _edge_lengths(
-    xyz: FloatArray, faces: IntArray, order: IntArray, starts: NDArray[np.int64]
-) -> FloatArray:
-    half = order[starts[:-1]]
-    ends = xyz[faces[half // 3, (half + 1) % 3]] - xyz[faces[half // 3, half % 3]]
-    return np.asarray(np.sqrt(np.einsum("ij,ij->i", ends, ends)))
 
 
 def _degenerate(work: Cleaned) -> None:

@@ -243,9 +243,10 @@ def _last_whole_line(buffer: NDArray[np.uint8], size: int) -> int:
                 return base + at + 1
         # Carriage returns alone end the lines of some old files; the last byte may be half
         # of a pair.
-        at = data.rfind(b"\r", 0, len(data) - 1)
-        if at >= 0 and data.find(b"\n") < 0:
-            return base + at + 1
+        at = len(data) - 1
+        while data.find(b"\n") < 0 and (at := data.rfind(b"\r", 0, at)) >= 0:
+            if data[at - 1 : at] != b"\\":
+                return base + at + 1
         if base == 0:
             return 0
         data = bytes(view[:size])

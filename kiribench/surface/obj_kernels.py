@@ -74,7 +74,7 @@ _LARGEST = 1 << 40
 
 
 @njit(cache=True)
-def _blank_end(buffer, at):  # type: ignore[no-untyped-def]
+def _blank_end(buffer, at, state):  # type: ignore[no-untyped-def]
     """First position from ``at`` on that is no blank; a continued line end is a blank."""
     while True:
         byte = buffer[at]
@@ -82,10 +82,12 @@ def _blank_end(buffer, at):  # type: ignore[no-untyped-def]
             at += _1
         elif byte != 92:
             return at
-        elif buffer[at + _1] == 10:
-            at += _2
         elif buffer[at + _1] == 13 and buffer[at + _2] == 10:
             at += _3
+            state[LINE] += 1
+        elif buffer[at + _1] == 10 or buffer[at + _1] == 13:
+            at += _2
+            state[LINE] += 1
         else:
             return at
 
@@ -121,7 +123,10 @@ def _line_end(buffer, at, size):  # type: ignore[no-untyped-def]
             if not continued:
                 return at, lines
         elif byte == 13 and buffer[at + _1] != 10:
-            return at + _1, lines + 1
+            lines += 1
+            at += _1
+            if at >= size or not (at >= _2 and buffer[at - _2] == 92):
+                return at, lines
         else:
             at += _1
 
@@ -309,7 +314,7 @@ def parse(  # type: ignore[no-untyped-def]
     size = np.uint64(stop)
     values = np.zeros(8)
     while True:
-        at = _blank_end(buffer, at)
+        at = _blank_end(buffer, at, state)
         if at >= size:
             return at
         line = state[LINE] + 1
@@ -322,7 +327,7 @@ def parse(  # type: ignore[no-untyped-def]
             at += _2 if texture else _1
             found = 0
             while True:
-                at = _blank_end(buffer, at)
+                at = _blank_end(buffer, at, state)
                 if _ends_line(buffer[at]):
                     break
                 value, at, good = _number(buffer, at)
@@ -370,7 +375,7 @@ def parse(  # type: ignore[no-untyped-def]
             row = state[TRIANGLES]
             count, uv_count = state[VERTICES], state[UVS]
             while True:
-                at = _blank_end(buffer, at)
+                at = _blank_end(buffer, at, state)
                 if _ends_line(buffer[at]):
                     break
                 before = at

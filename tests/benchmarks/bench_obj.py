@@ -39,7 +39,7 @@ if which == "kiribench":
     read = lambda name: read_mesh(Path(name))
 else:
     import trimesh
-    read = lambda name: trimesh.load_mesh(name, process=False, maintain_order=True)
+    read = lambda name: trimesh.load_mesh(name, process=False)
 read(tiny)
 open("/proc/self/clear_refs", "w").write("5")
 before = status("VmRSS")
