@@ -160,3 +160,35 @@ triangles .002 holds (a slow test)."""
 
 PRINTED_OVERLAP = 1e-8
 """Fraction: tables have nine significant digits."""
+
+# --- Scans: denoising and registration -------------------------------------------------------
+
+DENOISED_LENGTHENING_0_05_MM = 6e-4
+"""Share by which 15 mm paths may still be too long after denoising 0.05 mm of noise at 0.31 mm
+edges: the figure of an earlier prototype. Measured here: 3e-5."""
+
+DENOISED_LENGTHENING_0_1_MM = 2.3e-3
+"""The same for 0.1 mm of noise. Measured here: 1.1e-4."""
+
+DENOISED_CLEAN_CHANGE = 2e-4
+"""Share by which denoising may change 15 mm paths on a clean surface: a fifth of the
+lengthening (1e-3) above which a scan is denoised at all."""
+
+NOISE_SD_RELATIVE = 0.1
+"""Estimated against true standard deviation of white noise: the filter keeps the noise's
+longest waves, about 1 / (passes + 1) of its variance, 5 % for 20 passes."""
+
+PREDICTED_LENGTHENING_RELATIVE = 0.25
+"""Predicted against true mean lengthening: both are means of 40 to 48 paths whose lengthening
+spreads by about half of itself; 3 standard errors of the difference are 0.3."""
+
+REGISTRATION_CLEAN_MM = 0.01
+"""Largest displacement error without noise: facets of 2 mm on radii of 50 mm lie up to 0.01 mm
+inside the surface, differently on two meshes."""
+
+REGISTRATION_SIGMAS = 3.5
+"""Displacement error in standard deviations that the covariance predicts, a single direction."""
+
+REGISTRATION_MULTIDIC_MM = 0.015
+"""Displacement along normals of a real rigid body against its matched points: the rms residual
+of the points themselves after the best rigid motion is 0.013 to 0.014 mm (SOURCE.txt)."""
