@@ -103,6 +103,7 @@ def forces_and_stiffness(
     alpha: float,
     place: npt.NDArray[np.int32],
     with_stiffness: bool,
+    projected: bool,
     force: FloatArray,
     values: FloatArray,
 ) -> None:
@@ -124,7 +125,7 @@ def forces_and_stiffness(
                 b += x[node, 0] * g1
                 c += x[node, 1] * g0
                 d += x[node, 1] * g1
-            response(a, b, c, d, mu, alpha, out)
+            response(a, b, c, d, mu, alpha, projected, out)
             w = areas[e, q]
             for i in range(6):
                 node = triangles[e, i]
@@ -193,7 +194,7 @@ class AssembledSystem:
         part = self._quadrature
         return float(total_energy(x, self.triangles, part.gradients, part.areas_mm2, *self._law))
 
-    def _assemble(self, x: FloatArray, with_stiffness: bool) -> FloatArray:
+    def _assemble(self, x: FloatArray, with_stiffness: bool, projected: bool = False) -> FloatArray:
         force = np.zeros_like(self.points_mm)
         part = self._quadrature
         forces_and_stiffness(
@@ -204,6 +205,7 @@ class AssembledSystem:
             *self._law,
             self._place,
             with_stiffness,
+            projected,
             force,
             self._values,
         )
@@ -226,10 +228,10 @@ class AssembledSystem:
             (self._values.copy(), self._indices, self._pointers), shape=(self.size, self.size)
         )
 
-    def linearise(self, x: FloatArray) -> FloatArray:
-        """Factorise the tangent at x; returns the (size,) residual there."""
+    def linearise(self, x: FloatArray, *, projected: bool = False) -> FloatArray:
+        """Factorise the tangent at x, made positive if ``projected``; the residual (size,)."""
         self._values[:] = 0.0
-        force = self._assemble(x, with_stiffness=True)
+        force = self._assemble(x, True, projected)
         matrix = csc_array(
             (self._values, self._indices, self._pointers), shape=(self.size, self.size)
         )

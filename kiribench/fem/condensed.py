@@ -182,6 +182,7 @@ def _assemble_batch(
     alpha: float,
     element: IntArray,
     with_stiffness: bool,
+    projected: bool,
     force: FloatArray,
     blocks: FloatArray,
 ) -> None:
@@ -205,12 +206,12 @@ def _assemble_batch(
                     f[2, s] += x[node, 1, s] * g0
                 for s in range(LANES):
                     f[3, s] += x[node, 1, s] * g1
-            if alpha == 2.0:
+            if alpha == 2.0 and not projected:
                 _neo_hookean_lanes(f, mu, out, spare)
             else:
                 for s in range(LANES):
                     one[:] = f[:, s]
-                    response(one[0], one[1], one[2], one[3], mu, alpha, result)
+                    response(one[0], one[1], one[2], one[3], mu, alpha, projected, result)
                     out[:, s] = result
             w = areas[e, q]
             for i in range(6):
@@ -334,6 +335,7 @@ def linearise_block(
     kept_code: IntArray,
     kept_place: npt.NDArray[np.int32],
     with_stiffness: bool,
+    projected: bool,
     force: FloatArray,
     store: FloatArray,
     values: FloatArray,
@@ -359,7 +361,17 @@ def linearise_block(
         if with_stiffness:
             blocks[:] = 0.0
         _assemble_batch(
-            own, triangles, gradients, areas, mu, alpha, element, with_stiffness, pull, blocks
+            own,
+            triangles,
+            gradients,
+            areas,
+            mu,
+            alpha,
+            element,
+            with_stiffness,
+            projected,
+            pull,
+            blocks,
         )
         real = min(LANES, facets - first)
         for s in range(real):
@@ -583,7 +595,7 @@ class CondensedSystem:
             )
         return total
 
-    def _assemble(self, x: FloatArray, with_stiffness: bool) -> FloatArray:
+    def _assemble(self, x: FloatArray, with_stiffness: bool, projected: bool = False) -> FloatArray:
         force = np.zeros_like(self.points_mm)
         for block, places in zip(self._blocks, self._places, strict=True):
             plan = block.plan
@@ -605,6 +617,7 @@ class CondensedSystem:
                 block.kept_code,
                 places,
                 with_stiffness,
+                projected,
                 force,
                 block.store,
                 self._values,
@@ -622,10 +635,10 @@ class CondensedSystem:
         result[self.equation[free]] = force[free]
         return result
 
-    def linearise(self, x: FloatArray) -> FloatArray:
-        """Factorise the tangent at x; returns the (size,) residual there."""
+    def linearise(self, x: FloatArray, *, projected: bool = False) -> FloatArray:
+        """Factorise the tangent at x, made positive if ``projected``; the residual (size,)."""
         self._values[:] = 0.0
-        force = self._assemble(x, with_stiffness=True)
+        force = self._assemble(x, True, projected)
         matrix = csc_array(
             (self._values, self._indices, self._pointers),
             shape=(self.condensed_size, self.condensed_size),

@@ -14,7 +14,7 @@ IntArray = npt.NDArray[np.int64]
 
 _SMALLEST_STEP = 1.0 / 256
 """A requested step is halved at most this far."""
-_MOST_ITERATIONS = 25
+_MOST_ITERATIONS = 40
 _STALE_BELOW = 1e-4
 """Below this energy error (of the stored energy) the last factorisation is used again."""
 
@@ -35,8 +35,8 @@ class System(Protocol):
     def reduce(self, force: FloatArray) -> FloatArray:
         """(size,) residual of the free equations."""
 
-    def linearise(self, x: FloatArray) -> FloatArray:
-        """Factorise the tangent at x and return the residual (size,)."""
+    def linearise(self, x: FloatArray, *, projected: bool = False) -> FloatArray:
+        """Factorise the tangent at x, made positive if ``projected``; the residual (size,)."""
 
     def solve(self, residual: FloatArray) -> FloatArray:
         """(size,) solution with the last factorised tangent."""
@@ -81,42 +81,55 @@ class _Newton:
         if not np.isfinite(energy):
             self.reason = "an element is folded at the start of the step"
             return None
-        fresh = False
+        reuse = projected = False
         error = np.inf
         for _ in range(_MOST_ITERATIONS):
             self.iterations += 1
-            if fresh and error < _STALE_BELOW:
+            if reuse and error < _STALE_BELOW:
                 residual = system.reduce(system.forces(x))
             else:
-                residual = system.linearise(x)
-                self.factorisations += 1
-                fresh = True
-            step = system.solve(residual)
-            slope = -float(residual @ step)
+                residual = self._linearise(x, projected)
+                projected = False
+            move = -self.expand(system.solve(residual))
+            slope = float(residual @ system.reduce(move))
             error_before, error = error, abs(slope) / max(energy, 1e-300)
-            if error < self.tolerance:
-                return x - self.expand(step)
-            if slope > 0:
-                self.reason = "the tangent is not positive along the Newton step"
+            if error < self.tolerance and slope <= 0:
+                return x + move
+            length, found = self._search(x, move, energy, slope, error)
+            if length == 0.0:
+                # Not downhill: the tangent has a negative direction. Its positive part has not.
+                self._linearise(x, True)
+                move = -self.expand(system.solve(residual))
+                slope = float(residual @ system.reduce(move))
+                error = abs(slope) / max(energy, 1e-300)
+                length, found = self._search(x, move, energy, slope, error)
+                projected = length < 1.0
+            if length == 0.0:
+                self.reason = "the line search found no lower energy"
                 return None
-            move = -self.expand(step)
-            length = 1.0
-            while True:
-                trial = x + length * move
-                found = system.energy(trial)
-                if found <= energy + 1e-4 * length * slope:
-                    break
-                if error < 1e-8 and np.isfinite(found):
-                    break
-                length *= 0.5
-                if length < 1e-3:
-                    self.reason = "the line search found no lower energy"
-                    return None
-            x, energy = trial, found
-            if error > 0.01 * error_before:
-                fresh = False
+            x, energy = x + length * move, found
+            reuse = length == 1.0 and not projected and error < 0.01 * error_before
         self.reason = f"no convergence in {_MOST_ITERATIONS} iterations"
         return None
+
+    def _linearise(self, x: FloatArray, projected: bool) -> FloatArray:
+        self.factorisations += 1
+        return self.system.linearise(x, projected=projected)
+
+    def _search(
+        self, x: FloatArray, move: FloatArray, energy: float, slope: float, error: float
+    ) -> tuple[float, float]:
+        """Part of the step that lowers the energy enough, and that energy; 0 if none does."""
+        if slope > 0:
+            return 0.0, energy
+        length = 1.0
+        while length > 1e-3:
+            found = self.system.energy(x + length * move)
+            # Near the answer the decrease drowns in rounding.
+            if found <= energy + 1e-4 * length * slope or (error < 1e-9 and np.isfinite(found)):
+                return length, found
+            length *= 0.5
+        return 0.0, energy
 
 
 @dataclass

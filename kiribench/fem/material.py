@@ -152,13 +152,22 @@ def energy_density(a: float, b: float, c: float, d: float, mu: float, alpha: flo
 
 @njit(cache=True)
 def ogden_response(
-    a: float, b: float, c: float, d: float, mu: float, alpha: float, out: FloatArray
+    a: float,
+    b: float,
+    c: float,
+    d: float,
+    mu: float,
+    alpha: float,
+    projected: bool,
+    out: FloatArray,
 ) -> None:
     """Nominal stress and tangent of the one-term Ogden law at F = [[a, b], [c, d]].
 
     ``out`` (14,): P11, P12, P21, P22 (MPa), then the upper triangle of dP/dF, row by row.
     In the frame of the principal directions dP/dF has four blocks: the Hessian of W(l1, l2),
-    the flip (W1 - W2)/(l1 - l2) and the twist (W1 + W2)/(l1 + l2).
+    the flip (W1 - W2)/(l1 - l2) and the twist (W1 + W2)/(l1 + l2). ``projected`` raises their
+    negative eigenvalues to zero (Teran et al., Symposium on Computer Animation 2005), so that
+    a Newton step far from equilibrium goes downhill.
     """
     e, h = 0.5 * (a + d), 0.5 * (c - b)
     f, g = 0.5 * (a - d), 0.5 * (c + b)
@@ -185,6 +194,18 @@ def ogden_response(
     else:
         flip += k * l2 ** (alpha - 2.0) * (alpha - 1.0)
     twist = (w1 + w2) / (l1 + l2)
+    if projected:
+        flip, twist = max(flip, 0.0), max(twist, 0.0)
+        middle, gap = 0.5 * (w11 + w22), hypot(0.5 * (w11 - w22), w12)
+        if middle - gap < 0.0:
+            # Keep the larger eigenvalue of [[w11, w12], [w12, w22]], if it is positive.
+            large = max(middle + gap, 0.0)
+            scale = 0.5 * large / gap if gap > 0.0 else 0.0
+            w11, w12, w22 = (
+                scale * (gap + 0.5 * (w11 - w22)),
+                scale * w12,
+                scale * (gap - 0.5 * (w11 - w22)),
+            )
     modes = np.empty((4, 4))
     for i in range(2):
         for j in range(2):
@@ -211,14 +232,21 @@ def ogden_response(
 
 @njit(cache=True)
 def response(
-    a: float, b: float, c: float, d: float, mu: float, alpha: float, out: FloatArray
+    a: float,
+    b: float,
+    c: float,
+    d: float,
+    mu: float,
+    alpha: float,
+    projected: bool,
+    out: FloatArray,
 ) -> None:
-    """Nominal stress and tangent at F = [[a, b], [c, d]]; ``out`` as in ``ogden_response``.
+    """Nominal stress and tangent at F = [[a, b], [c, d]]; arguments as in ``ogden_response``.
 
     Neo-Hookean: P = mu (F - J^-3 cof F), dP/dF = mu (I + 3 J^-4 cof F (x) cof F - J^-3 d cof F).
     """
-    if alpha != 2.0:
-        ogden_response(a, b, c, d, mu, alpha, out)
+    if alpha != 2.0 or projected:
+        ogden_response(a, b, c, d, mu, alpha, projected, out)
         return
     det = a * d - b * c
     j3 = 1.0 / (det * det * det)
