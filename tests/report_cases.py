@@ -6,6 +6,9 @@ scan processing before them is left out.
 
 from __future__ import annotations
 
+import shutil
+from pathlib import Path
+
 import numpy as np
 
 from kiribench.conformability.causes import costs, fit_affine, main_cause
@@ -18,9 +21,18 @@ from kiribench.schema.layout import Layout, Patch, Regions
 from kiribench.strain.result import Estimate, StrainField
 from kiribench.surface.mesh import Mesh
 
+STORED = Path(__file__).parents[1] / "data" / "synthetic"
 RADIUS_MM = 60.0
 CELL_MM = 15.0
 SIDE_POINTS = 4
+
+
+def copy_of_s1(root: Path) -> Path:
+    """The first synthetic subject alone, as a dataset at ``root``."""
+    shutil.copytree(STORED, root, ignore=shutil.ignore_patterns("sub-S2", "sub-S3"))
+    listed = (root / "participants.tsv").read_text(encoding="utf-8").splitlines()
+    (root / "participants.tsv").write_text("\n".join(listed[:2]) + "\n", encoding="utf-8")
+    return root
 
 
 def lift(flat: np.ndarray, side: str = "right") -> np.ndarray:

@@ -4,19 +4,17 @@ from __future__ import annotations
 
 import json
 import re
-import shutil
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from report_cases import STORED, copy_of_s1
 from tolerances import PRINTED_OVERLAP
 
 import kiribench.cli.demo as module
 from kiribench.cli.command import Common
 from kiribench.cli.demo import demo, find_synthetic
-
-STORED = Path(__file__).parents[2] / "data" / "synthetic"
 
 
 @pytest.fixture(scope="module")
@@ -118,11 +116,7 @@ def test_without_a_checkout_the_subjects_are_generated(
 
 def test_a_moved_dataset_gives_the_same_pages(tmp_path: Path) -> None:
     def one(name: str) -> bytes:
-        root = tmp_path / name / "data"
-        shutil.copytree(STORED, root, ignore=shutil.ignore_patterns("sub-S2", "sub-S3"))
-        listed = (root / "participants.tsv").read_text(encoding="utf-8").splitlines()
-        kept = "\n".join(listed[:2]) + "\n"
-        (root / "participants.tsv").write_text(kept, encoding="utf-8")
+        root = copy_of_s1(tmp_path / name / "data")
         demo(dataset=root, common=Common(out=tmp_path / name / "out", quiet=True))
         return (tmp_path / name / "out" / "sub-S1.html").read_bytes()
 
