@@ -13,6 +13,7 @@ from kiribench.surface.geodesic_kernels import (
     NO_ROOM,
     Scratch,
     in_edge_frame,
+    norm,
     through_edge,
 )
 from kiribench.surface.mesh import FloatArray, IntArray
@@ -87,7 +88,11 @@ def strip_polyline(
                 else:  # the path runs along this edge
                     share = ((qx - rx) * wx + (qy - ry) * wy) / edge
                 share = min(1.0, max(0.0, share))
-                qx, qy = rx + share * wx, ry + share * wy
+                px, py = rx + share * wx, ry + share * wy
+                if norm(px - qx, py - qy) <= 1e-12 * math.sqrt(edge):
+                    out_face[at - 1] = g  # the last point lies on this edge
+                    continue
+                qx, qy = px, py
                 for x in range(3):
                     out[at, x] = xyz[a, x] + share * (xyz[b, x] - xyz[a, x])
             out_face[at] = g

@@ -1,0 +1,102 @@
+"""Exact geodesics of a 17 x 13 grid (412 pairs) against potpourri3d's edge flips.
+
+Run as a script; exits 1 if the ratio of median CPU times at 1M triangles is below 50. Both
+sides include their set-up from vertices and faces (our topology; the peer's solver), both
+measure between the same vertices, and they alternate. The kernels are compiled before the
+clock starts (numba keeps them on disk; a first compilation takes about half a minute).
+CPU seconds of this process, one thread each.
+"""
+
+from __future__ import annotations
+
+import os
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+os.environ.setdefault("NUMBA_NUM_THREADS", "1")
+
+import statistics
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import potpourri3d
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from geodesic_oracles import at_vertices, knee_like
+
+from kiribench.surface.geodesic import geodesic_distances, geodesics
+from kiribench.surface.mesh import Mesh
+from kiribench.surface.topology import topology
+
+RATIO_WANTED = 50.0
+NOISY_SECONDS_WANTED = 2.0
+SIZES = ((155, 204), (310, 408), (620, 812))  # 62k, 252k, 1.00M triangles
+
+
+def ours(mesh: Mesh, pairs: np.ndarray) -> np.ndarray:
+    table = topology(mesh)
+    start, end = at_vertices(mesh, pairs[:, 0]), at_vertices(mesh, pairs[:, 1])
+    return geodesic_distances(mesh, start, end, topology=table)
+
+
+def edge_flips(mesh: Mesh, pairs: np.ndarray) -> np.ndarray:
+    solver = potpourri3d.EdgeFlipGeodesicSolver(mesh.vertices_mm, mesh.faces)
+    lengths = np.empty(len(pairs))
+    for k, (a, b) in enumerate(pairs):
+        path = solver.find_geodesic_path(int(a), int(b))
+        lengths[k] = np.linalg.norm(np.diff(path, axis=0), axis=1).sum()
+    return lengths
+
+
+def clocked(function: Callable[..., np.ndarray], *arguments: object) -> tuple[float, np.ndarray]:
+    start = time.process_time()
+    value = function(*arguments)
+    return time.process_time() - start, value
+
+
+def fresh(mesh: Mesh) -> Mesh:
+    """The same arrays without anything cached."""
+    return Mesh(mesh.vertices_mm, mesh.faces)
+
+
+def main(repeats: int = 3) -> int:
+    warm, warm_pairs = knee_like(30, 40, 0.05)
+    ours(warm, warm_pairs)
+    start, end = at_vertices(warm, warm_pairs[:, 0]), at_vertices(warm, warm_pairs[:, 1])
+    geodesics(warm, start, end)
+    edge_flips(warm, warm_pairs)
+    ratio = 0.0
+    print("CPU seconds, medians; 412 pairs of 15 mm, set-up included")
+    print(f"{'triangles':>10} {'noise mm':>9} {'kiribench':>10} {'edge flip':>10} {'ratio':>7}"
+          f" {'longest excess of edge flip mm':>31}")  # fmt: skip
+    slow = False
+    for noise in (0.0, 0.05):
+        for nx, ny in SIZES:
+            mesh, pairs = knee_like(nx, ny, noise)
+            mine, peer = [], []
+            rounds = repeats if noise == 0.0 else 1
+            for _ in range(rounds):
+                seconds, lengths = clocked(ours, fresh(mesh), pairs)
+                mine.append(seconds)
+                seconds, flipped = clocked(edge_flips, fresh(mesh), pairs)
+                peer.append(seconds)
+            if (lengths > flipped + 1e-9).any():
+                print("WRONG: a path of the peer is shorter than ours")
+                return 1
+            own, other = statistics.median(mine), statistics.median(peer)
+            ratio = other / own
+            print(f"{len(mesh.faces):>10} {noise:>9} {own:>10.3f} {other:>10.2f} {ratio:>7.1f}"
+                  f" {(flipped - lengths).max():>31.2e}", flush=True)  # fmt: skip
+            if noise == 0.0 and (nx, ny) == SIZES[-1]:
+                wanted = ratio
+            if noise > 0.0 and own > NOISY_SECONDS_WANTED:
+                slow = True
+    print(f"ratio at 1M triangles: {wanted:.1f} (at least {RATIO_WANTED:.0f} wanted)")
+    return int(wanted < RATIO_WANTED or slow)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
