@@ -54,7 +54,7 @@ def conform(
         auto registers the worn scan to the bare one by the skin outside the patch where
         needed; none takes both scans as they are.
     denoise
-        Denoise the scans: where the estimated noise would lengthen geodesics noticeably,
+        Denoise the bare scan: where the estimated noise would lengthen geodesics noticeably,
         always, or never.
     samples
         Draws of the Monte Carlo for intervals and probabilities.

@@ -44,7 +44,7 @@ class ScoreOptions:
         grade_by: definition of the overlap that is graded.
         alignment: ``global`` or ``per-cell``.
         registration: ``auto`` or ``none``.
-        denoise: ``auto``, ``always`` or ``never``.
+        denoise: of the bare scan: ``auto``, ``always`` or ``never``.
         samples: Monte Carlo draws. seed: of the draws.
     """
 
@@ -100,7 +100,9 @@ def score_subject(subject: Subject, options: ScoreOptions | None = None) -> Conf
     options.check()
     subject.require(BARE, WORN)
     bare = acquire(subject, BARE, denoise=options.denoise)
-    worn = acquire(subject, WORN, denoise=options.denoise)
+    # Nothing is measured along the worn scan: its corners are taken as they are, and
+    # registration averages its noise. Denoising would round off the patch's edges.
+    worn = acquire(subject, WORN, denoise=None)
     layout = subject.layout
     skin = bare.nodes.window(*layout.patch_offset, layout.patch.node_shape)
     region = np.array([list(row) for row in layout.regions.labels])

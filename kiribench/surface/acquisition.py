@@ -42,7 +42,7 @@ class Acquired:
     warnings: tuple[Fault, ...]
 
 
-def acquire(subject: Subject, name: str, *, denoise: Denoise = "auto") -> Acquired:
+def acquire(subject: Subject, name: str, *, denoise: Denoise | None = "auto") -> Acquired:
     """Load, repair and, where asked or needed, denoise a scan, and put its nodes on it.
 
     The nodes are found on the scan as it is and keep their faces; denoising moves the
@@ -52,7 +52,8 @@ def acquire(subject: Subject, name: str, *, denoise: Denoise = "auto") -> Acquir
         subject: has the acquisition.
         name: acquisition name.
         denoise: ``auto`` denoises a scan whose noise makes paths longer by more than
-            ``AUTO_LENGTHENING``; ``always``; ``never``.
+            ``AUTO_LENGTHENING``; ``always``; ``never`` only says how noisy it is; None
+            does not look, for a scan along which nothing is measured.
 
     Raises:
         DatasetError, MeshError, NodesError: what is wrong with the files.
@@ -77,7 +78,8 @@ def acquire(subject: Subject, name: str, *, denoise: Denoise = "auto") -> Acquir
     mesh, applied = repaired.mesh, False
     if denoise == "always":
         mesh, applied = denoised_mesh(mesh), True
-    else:
+        notes.append(f"{name}: denoised, as asked.")
+    elif denoise is not None:
         if denoise == "auto":
             decided = denoise_if_needed(mesh)
             mesh, applied, estimate = decided.mesh, decided.applied, decided.estimate
@@ -94,8 +96,6 @@ def acquire(subject: Subject, name: str, *, denoise: Denoise = "auto") -> Acquir
                 else "not denoised, as asked."
             )
         )
-    if denoise == "always":
-        notes.append(f"{name}: denoised, as asked.")
     return Acquired(
         name=name,
         mesh=mesh,
