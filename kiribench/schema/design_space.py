@@ -389,3 +389,22 @@ def _designs(
             for index in differs[:_MOST_FAULTS]
         )
     return number, tuple(str(label) for label in labels)
+
+
+def read_points(path: Path) -> tuple[FloatArray, str | None]:
+    """Points to predict at: (n, 3) a_percent, b_percent, strain; and their declared measure.
+
+    Raises:
+        TableError: as :func:`read_design_space`.
+    """
+    wanted = ["a_percent", "b_percent", "longitudinal_strain"]
+    frame = read_frame(path)
+    sidecar = read_sidecar(path)
+    _check_columns(frame, wanted, path)
+    numbers = _numbers(frame, wanted, np.arange(1, len(frame) + 1), path)
+    measure = sidecar.get("StrainMeasure")
+    if "strain_measure" in frame.columns:
+        measure = _settle_measure(frame, sidecar, None, False, path)
+    if measure is not None:
+        _known(str(measure), path, "the sidecar")
+    return np.column_stack([numbers[name] for name in wanted]), measure

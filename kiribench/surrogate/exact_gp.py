@@ -106,6 +106,28 @@ class ExactGP(RegressorMixin, BaseEstimator):  # type: ignore[misc]
             self._condition(form, X_, y_, grid, place)
         return self
 
+    def restore(self, learnt: Hyperparameters, grid: DesignGrid, resampling_rms: float) -> ExactGP:
+        """Become the process that was kept as a grid: conditioned anew, nothing learnt."""
+        self.structure_ = "resampled" if grid.resampled else "grid"
+        self.resampling_rms_ = resampling_rms
+        self.hyperparameters_, self.evaluations_ = learnt, 0
+        self.n_features_in_ = grid.designs.shape[1] + 1
+        none = np.zeros((0, self.n_features_in_))
+        with torch_threads(self.threads):
+            form = self._kernel_form(self.n_features_in_)
+            self._condition(form, none, none[:, 0], grid, device_of(self.device))
+        return self
+
+    def restore_rows(self, learnt: Hyperparameters, X: FloatArray, y: FloatArray) -> ExactGP:
+        """Become the process that was kept as scattered rows."""
+        self.structure_, self.resampling_rms_ = "dense", 0.0
+        self.hyperparameters_, self.evaluations_ = learnt, 0
+        self.n_features_in_ = X.shape[1]
+        with torch_threads(self.threads):
+            form = self._kernel_form(self.n_features_in_)
+            self._condition(form, X, y, None, device_of(self.device))
+        return self
+
     def _grid_of(self, X: FloatArray, y: FloatArray) -> DesignGrid | None:
         """The rows as a grid where they are one, or may be made one; else ``None``."""
         grid = find_grid(X, y)

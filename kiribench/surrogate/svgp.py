@@ -121,6 +121,32 @@ class SparseVariationalGP(RegressorMixin, BaseEstimator):  # type: ignore[misc]
             self._rows, self._values = X_, y_
         return self
 
+    def restore(
+        self,
+        learnt: Hyperparameters,
+        inducing: FloatArray,
+        precision: FloatArray,
+        weighted: FloatArray,
+    ) -> SparseVariationalGP:
+        """Become the process that was kept: scaled inducing points, their posterior."""
+        place = device_of(self.device)
+        points = torch.as_tensor(inducing, device=place)
+        self.hyperparameters_, self.evaluations_ = learnt, 0
+        self.n_features_in_ = inducing.shape[1]
+        self.inducing_points_ = inducing * np.array(learnt.input_span) + np.array(learnt.input_low)
+        root, _, noise = _whitened(learnt, points, points[:1])
+        self._state = SparseState(
+            points,
+            root,
+            torch.as_tensor(precision, device=place),
+            torch.as_tensor(weighted, device=place),
+            learnt.signal_variance,
+            noise,
+        )
+        self._rows = np.zeros((0, inducing.shape[1]))
+        self._values = np.zeros(0)
+        return self
+
     def _learn(
         self, start: Hyperparameters, X: FloatArray, y: FloatArray, place: torch.device
     ) -> Hyperparameters:
@@ -216,8 +242,8 @@ def bound(
         - 0.5 * values.square().sum() / noise
         + 0.5 * c.square().sum()
     )
-    trace = 0.5 * (n * signal / noise - a.square().sum())
-    return fit - trace
+    trace: Tensor = 0.5 * (n * signal / noise - a.square().sum())
+    return torch.sub(fit, trace)
 
 
 def posterior(
