@@ -113,9 +113,11 @@ class LegShape:
         depth = (to_front_y * to_front_y + to_front_z * to_front_z).sqrt()
         along = s / self.flare_mm
         half_width = self.half_width_mm * (1.0 + self.flare * (-0.5 * along * along).exp())
-        # A bump widens the section by relief / radius.
-        swell = sum((bump.swell(arc, s) for bump in self.bumps), start=0.0 * s)
-        evened = arc - 2.0 * self.even * swell / (half_width + depth)
+        evened = arc
+        if self.even:
+            # A bump widens the section by relief / radius.
+            swell = sum((bump.swell(arc, s) for bump in self.bumps), start=0.0 * s)
+            evened = arc - 2.0 * self.even * swell / (half_width + depth)
         theta = _section_angle(evened, depth, half_width)
         taper = 1.0 - self.taper_per_mm * s
         relief = sum((bump.relief(arc, s) for bump in self.bumps), start=0.0 * s)
