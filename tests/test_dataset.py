@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from small_limb import ELBOW, Limb, write_dataset, write_elbow_dataset, write_nodes
+from small_limb import ELBOW, ELBOW_REGIONS, Limb, write_dataset, write_elbow_dataset, write_nodes
 from tolerances import NODE_TEXT_MM
 
 from kiribench.dataset import ACQUISITIONS, Dataset, check_dataset
@@ -233,6 +233,21 @@ def test_wrong_layout_of_one_subject(dataset: Path, text: str, code: str) -> Non
     assert faults[0].file == "sub-A/sub-A_layout.json"
     with pytest.raises(DatasetError):
         Dataset.open(dataset).subject("A").nodes("flex000")
+
+
+def test_examples_of_the_format_reference(tmp_path: Path) -> None:
+    text = (Path(__file__).parents[1] / "docs" / "subject-folders.md").read_text(encoding="utf-8")
+    smallest, scan, elbow = (block.split("```")[0] for block in text.split("```json\n")[1:])
+    root = write_elbow_dataset(tmp_path / "elbow")
+    (root / "dataset_description.json").write_text(elbow, encoding="utf-8")
+    assert check_dataset(root) == ()
+    layout = Dataset.open(root).layout
+    assert layout.regions.labels == ELBOW_REGIONS
+    assert layout.patch_offset == (1, 1)
+    root = write_dataset(tmp_path / "knee")
+    (root / "dataset_description.json").write_text(smallest, encoding="utf-8")
+    (root / SIDECAR).write_text(scan, encoding="utf-8")
+    assert check_dataset(root) == ()
 
 
 # --- geometry of the nodes ------------------------------------------------------------------
