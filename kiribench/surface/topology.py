@@ -17,6 +17,7 @@ _REPEATED_VERTEX = 0
 _CROWDED_EDGE = 1
 _SAME_DIRECTION = 2
 _ZERO_EDGE = 3
+_SLOTS = 8  # edges to higher vertices; a vertex with more takes the careful way
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,8 +98,11 @@ def topology(mesh: Mesh) -> Topology:
             remedy="Repair the mesh first (repair_mesh drops them).",
         )
     xyz = np.ascontiguousarray(used, dtype=np.float64)
-    twins, offsets, corners, counts, examples = _pair(xyz, faces)
     turned = np.zeros(len(faces), np.bool_)
+    ready, twins, offsets, corners = _pair_quickly(xyz, faces)
+    if ready:
+        return Topology(faces, turned, twins, offsets, corners)
+    twins, offsets, corners, counts, examples = _pair(xyz, faces)
     if counts[_SAME_DIRECTION] and not np.delete(counts, _SAME_DIRECTION).any():
         turned = _turns(faces, offsets, corners)
         faces = np.where(turned[:, None], faces[:, [0, 2, 1]], faces)
@@ -130,9 +134,9 @@ def _faults(counts: NDArray[np.int64], examples: NDArray[np.int64]) -> list[Faul
 
 
 @njit(cache=True)
-def _pair(xyz: FloatArray, faces: IntArray) -> Any:
-    """Group corners by vertex (counting sort), then match half-edges within each vertex."""
-    m, vertices = faces.shape[0], xyz.shape[0]
+def _group(faces: IntArray, vertices: int) -> tuple[IntArray, IntArray]:
+    """Corners grouped by vertex (counting sort): offsets and corners."""
+    m = faces.shape[0]
     offsets = np.zeros(vertices + 1, np.int32)
     for f in range(m):
         for i in range(3):
@@ -146,6 +150,52 @@ def _pair(xyz: FloatArray, faces: IntArray) -> Any:
             v = faces[f, i]
             corners[fill[v]] = 3 * f + i
             fill[v] += 1
+    return offsets, corners
+
+
+@njit(cache=True)
+def _pair_quickly(xyz: FloatArray, faces: IntArray) -> tuple[bool, IntArray, IntArray, IntArray]:
+    """Match half-edges in one pass; False for a mesh with a fault or a vertex of many edges.
+
+    Each edge waits in a slot of its lower vertex until its second face comes.
+    """
+    m, vertices = faces.shape[0], xyz.shape[0]
+    waiting = np.empty((vertices, _SLOTS, 2), np.int32)
+    filled = np.zeros(vertices, np.int32)
+    twins = np.full((m, 3), -1, np.int32)
+    offsets = np.empty(0, np.int32)
+    corners = np.empty(0, np.int32)
+    for f in range(m):
+        for i in range(3):
+            a, b = faces[f, i], faces[f, i + 1 if i < 2 else 0]
+            low, high = min(a, b), max(a, b)
+            count = filled[low]
+            at = 0
+            while at < count and waiting[low, at, 0] != high:
+                at += 1
+            if at < count:
+                other = waiting[low, at, 1]
+                if other < 0 or faces[other // 3, other % 3] == a:
+                    return False, twins, offsets, corners
+                twins[f, i] = other
+                twins[other // 3, other % 3] = 3 * f + i
+                waiting[low, at, 1] = -1
+                continue
+            same = xyz[a, 0] == xyz[b, 0] and xyz[a, 1] == xyz[b, 1] and xyz[a, 2] == xyz[b, 2]
+            if same or count == _SLOTS:
+                return False, twins, offsets, corners
+            waiting[low, count, 0] = high
+            waiting[low, count, 1] = 3 * f + i
+            filled[low] = count + 1
+    offsets, corners = _group(faces, vertices)
+    return True, twins, offsets, corners
+
+
+@njit(cache=True)
+def _pair(xyz: FloatArray, faces: IntArray) -> Any:
+    """Match half-edges vertex by vertex; counts every kind of fault, with an example."""
+    m, vertices = faces.shape[0], xyz.shape[0]
+    offsets, corners = _group(faces, vertices)
     twins = np.full((m, 3), -1, np.int32)
     counts = np.zeros(4, np.int64)
     examples = np.full(4, -1, np.int64)
