@@ -6,7 +6,8 @@ import csv
 import json
 import os
 import shutil
-from collections.abc import Callable
+import tempfile
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +22,9 @@ from kiribench.errors import DatasetError, Fault, UsageError
 DATA = Path(__file__).parent / "data"
 SURF = "sub-A/surf"
 NODES = f"{SURF}/sub-A_acq-flex000_nodes.tsv"
+SCAN = f"{SURF}/sub-A_acq-flex000_scan.obj"
 SIDECAR = f"{SURF}/sub-A_acq-flex000_scan.json"
+NOBODY = 65534
 
 
 @pytest.fixture(scope="session")
@@ -449,14 +452,40 @@ def test_pipe_with_a_files_name_does_not_hang(dataset: Path) -> None:
     assert codes(check_dataset(dataset)) == {"path-not-a-file"}
 
 
-@pytest.mark.skipif(os.geteuid() == 0, reason="root may read everything")
-@pytest.mark.parametrize("name", [NODES, SURF, "sub-A", "."])
-def test_permission_denied(dataset: Path, name: str) -> None:
-    path = dataset / name
+@pytest.fixture
+def as_nobody(pristine: Path) -> Iterator[Path]:
+    """A dataset that belongs to somebody who is not root, as whom the test goes on."""
+    assert check_dataset(pristine) == ()  # imports what nobody could not
+    folder = Path(tempfile.mkdtemp())
+    root = Path(shutil.copytree(pristine, folder / "limb"))
+    is_root = os.geteuid() == 0
+    if is_root:
+        for path in (folder, root, *root.rglob("*")):
+            os.chown(path, NOBODY, NOBODY)
+        os.seteuid(NOBODY)
+    try:
+        yield root
+    finally:
+        if is_root:
+            os.seteuid(0)
+        shutil.rmtree(folder)
+
+
+@pytest.mark.parametrize(
+    "name",
+    [NODES, SIDECAR, SCAN, SURF, "sub-A", ".", "participants.tsv", "dataset_description.json"],
+)
+def test_permission_denied(as_nobody: Path, name: str) -> None:
+    path = as_nobody / name
     mode = path.stat().st_mode
     path.chmod(0)
     try:
-        assert "path-unreadable" in codes(check_dataset(dataset))
+        assert codes(check_dataset(as_nobody)) == {"path-unreadable"}
+        with pytest.raises(DatasetError) as caught:
+            dataset = Dataset.open(as_nobody)
+            assert all(path.name != name for path in dataset.files)
+            dataset.subject("A").require("flex000", "flex090")
+        assert caught.value.code == "path-unreadable"
     finally:
         path.chmod(mode)
 

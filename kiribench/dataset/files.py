@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -71,11 +70,16 @@ class Folder:
                 file=name,
                 expected="a file",
             )
+        try:
+            with path.open("rb"):
+                pass
+        except OSError as error:
+            return unreadable(error, name)
         return None
 
     def usable(self, path: Path) -> bool:
         """Whether ``path`` is a readable file inside the dataset, that may be opened."""
-        return present(path) and self.refuse(path) is None and os.access(path, os.R_OK)
+        return present(path) and self.refuse(path) is None
 
     def read(self, path: Path) -> tuple[bytes | None, tuple[Fault, ...]]:
         """The bytes of a file, or None with the fault that says why there are none."""

@@ -98,12 +98,10 @@ def check_dataset(root: Path | str) -> tuple[Fault, ...]:
 
 def subject_faults(subject: Subject) -> tuple[Fault, ...]:
     """All faults of a subject, with its missing acquisitions (the worn scan may be absent)."""
-    missing = [
-        fault
-        for name in REQUIRED_ACQUISITIONS
-        if name not in subject.acquisitions
-        for fault in (subject.missing(name),)
-    ]
+    if any(fault.code == "path-unreadable" for fault in subject.own_faults):
+        return subject.faults  # what cannot be listed is not missing
+    absent = [name for name in REQUIRED_ACQUISITIONS if name not in subject.acquisitions]
+    missing = [subject.missing(name) for name in absent]
     return (*missing, *subject.faults)
 
 

@@ -82,6 +82,8 @@ class Subject:
                 ``acquisition-missing`` for one that is not there.
         """
         faults = [fault for fault in self.own_faults if fault.severity == "error"]
+        if any(fault.code == "path-unreadable" for fault in faults):
+            acquisitions = ()  # what cannot be listed is not missing
         for name in acquisitions:
             found = self.acquisitions.get(name)
             if found is None:
@@ -124,15 +126,20 @@ class Subject:
         """The fault that says that ``acquisition`` is not there."""
         if acquisition not in ACQUISITIONS:
             raise ValueError(f"acquisition must be one of {ACQUISITIONS}, not {acquisition!r}")
-        surf = self.root / f"sub-{self.id}" / "surf"
-        names = sorted(path.name for path in surf.iterdir()) if surf.is_dir() else []
         return Fault(
             "acquisition-missing",
             f"Participant {self.id} has no acquisition {acquisition}.",
             f"Add sub-{self.id}_acq-{acquisition}_scan.obj with its .json, and "
             f"sub-{self.id}_acq-{acquisition}_nodes.tsv.",
             file=f"sub-{self.id}/surf",
-            got=(short(", ".join(names), 200)[1:-1] or "an empty folder")
-            if surf.is_dir()
-            else "no folder surf",
+            got=_names_in(self.root / f"sub-{self.id}" / "surf"),
         )
+
+
+def _names_in(folder: Path) -> str:
+    """What the folder holds, for the message of what is missing."""
+    try:
+        names = sorted(path.name for path in folder.iterdir())
+    except OSError:
+        return f"no readable folder {folder.name}"
+    return short(", ".join(names), 200)[1:-1] or "an empty folder"
