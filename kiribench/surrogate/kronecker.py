@@ -19,7 +19,6 @@ from dataclasses import dataclass
 import torch
 
 Tensor = torch.Tensor
-_CHUNK_ENTRIES = 20_000_000  # doubles in one block of a large product: 160 MB
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,8 +57,8 @@ class Conditioned:
         factors: of the full grid.
         alpha: (p, m) in the eigenbasis: the inverse covariance times the filled values.
         filled: (p, m) values, the missing ones by their conditional mean.
-        whitened: (k, p, m) or ``None``: ``L^-1 Q_M`` in the eigenbasis, L the Cholesky
-            factor of Q_MM; k missing entries.
+        missing: (k,) flat indices of the missing entries.
+        root: (k, k) Cholesky factor of Q_MM.
         signal: s2, given or its maximum-likelihood value.
         count: number of observed entries.
         log_det: of the observed entries' ``K + g I`` (without s2).
@@ -68,7 +67,8 @@ class Conditioned:
     factors: Factors
     alpha: Tensor
     filled: Tensor
-    whitened: Tensor | None
+    missing: Tensor
+    root: Tensor
     signal: float
     count: int
     log_det: float
@@ -95,34 +95,22 @@ def condition(
         missing: (k,) flat indices, int64.
         signal: s2; ``None`` takes the maximum-likelihood value.
     """
-    p, m = values.shape
     log_det = -float(factors.weights.log().sum())
-    count = p * m - len(missing)
-    if len(missing) == 0:
-        filled = values
-        alpha = factors.weights * (factors.u.T @ values @ factors.v)
-        whitened = None
-    else:
-        start = values.clone()
-        start.view(-1)[missing] = 0.0
-        rows = _rows(factors, missing)
-        weighted = rows * factors.weights
-        q_mm = rows.reshape(len(missing), -1) @ weighted.reshape(len(missing), -1).T
-        root = torch.linalg.cholesky(q_mm)
-        projected = factors.u.T @ start @ factors.v
-        q_y = weighted.reshape(len(missing), -1) @ projected.reshape(-1)
-        filled = start
+    count = values.numel() - len(missing)
+    filled = values.clone()
+    filled.view(-1)[missing] = 0.0
+    alpha = factors.weights * (factors.u.T @ filled @ factors.v)
+    root = torch.linalg.cholesky(inverse_block(factors, missing))
+    if len(missing):
+        q_y = (factors.u @ alpha @ factors.v.T).reshape(-1)[missing]
         filled.view(-1)[missing] = -torch.cholesky_solve(q_y[:, None], root)[:, 0]
         alpha = factors.weights * (factors.u.T @ filled @ factors.v)
-        whitened = torch.linalg.solve_triangular(
-            root, weighted.reshape(len(missing), -1), upper=False
-        ).reshape(-1, p, m)
         log_det += 2.0 * float(root.diagonal().log().sum())
     if signal is None:
         # The missing entries add nothing: alpha vanishes there.
         quadratic = float((factors.u.T @ filled @ factors.v * alpha).sum())
         signal = max(quadratic / count, 1e-300)
-    return Conditioned(factors, alpha, filled, whitened, signal, count, log_det)
+    return Conditioned(factors, alpha, filled, missing, root, signal, count, log_det)
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,9 +135,11 @@ def likelihood_gradient(at: Conditioned) -> LikelihoodGradient:
     by_design = torch.diag(trace_design) - (at.alpha * f.mu[None, :]) @ at.alpha.T / at.signal
     by_strain = torch.diag(trace_strain) - (at.alpha.T * f.lam[None, :]) @ at.alpha / at.signal
     by_noise = float(f.weights.sum()) - float(at.alpha.square().sum()) / at.signal
-    if at.whitened is not None:
-        w = at.whitened
-        k, p, m = w.shape
+    if len(at.missing):
+        k, p, m = len(at.missing), len(f.lam), len(f.mu)
+        rows = f.u[at.missing // m][:, :, None] * f.v[at.missing % m][:, None, :]
+        weighted = (rows * f.weights).reshape(k, p * m)
+        w = torch.linalg.solve_triangular(at.root, weighted, upper=False).reshape(k, p, m)
         left = w.permute(1, 0, 2).reshape(p, k * m)
         by_design = by_design - (left * f.mu.repeat(k)[None, :]) @ left.T
         right = w.permute(2, 0, 1).reshape(m, k * p)
@@ -178,14 +168,10 @@ def predict(
     pd, ps = cross_design @ f.u, cross_strain @ f.v
     mean = ((pd @ at.alpha)[row_design] * ps).sum(1)
     explained = ((pd.square() @ f.weights)[row_design] * ps.square()).sum(1)
-    if at.whitened is not None:
-        k, p, m = at.whitened.shape
-        flat = at.whitened.reshape(k, p * m)
-        chunk = max(1, _CHUNK_ENTRIES // (p * m))
-        for start in range(0, len(ps), chunk):
-            some = slice(start, start + chunk)
-            outer = (pd[row_design[some], :, None] * ps[some, None, :]).reshape(-1, p * m)
-            explained[some] -= (outer @ flat.T).square().sum(1)
+    if len(at.missing):
+        crossed = _crossed(f, at.missing, pd, ps, row_design)
+        half = torch.linalg.solve_triangular(at.root, crossed, upper=False)
+        explained = explained - half.square().sum(0)
     variance = at.signal * (1.0 - explained).clamp_min(0.0)
     return mean, variance
 
@@ -193,13 +179,14 @@ def predict(
 def leave_designs_out(
     at: Conditioned, fold: Tensor, row_design: Tensor, cross_design: Tensor, cross_strain: Tensor
 ) -> tuple[Tensor, Tensor]:
-    """Predict the rows of whole designs from all others, hyperparameters fixed; complete grid.
+    """Predict the rows of whole designs from all others, hyperparameters fixed.
 
     In the strain eigenbasis Q_II is block diagonal, one (q, q) block an eigenvalue, so ten
-    folds of 441 designs x 25 strains take hundredths of a second.
+    folds of 441 designs x 25 strains take hundredths of a second. Entries that are missing
+    in the other designs join I by their Schur complement.
 
     Args:
-        at: the grid conditioned on everything, with nothing missing.
+        at: the grid conditioned on everything.
         fold: (q,) indices of the designs to leave out.
         row_design: (t,) position in ``fold`` of each row's design.
         cross_design: (q, p) correlations of the left-out designs with all designs.
@@ -208,24 +195,91 @@ def leave_designs_out(
     Returns:
         (t,) means and (t,) noise-free variances.
     """
-    f = at.factors
+    f, m = at.factors, len(at.factors.mu)
     rows = f.u[fold]
     scaled = rows[None, :, :] * f.weights.T[:, None, :]  # (m, q, p)
     blocks = torch.linalg.cholesky(scaled @ rows.T)
-    q_y = (rows @ at.alpha).T[:, :, None]  # (m, q, 1)
-    residual = torch.cholesky_solve(q_y, blocks)[:, :, 0].T  # (q, m)
-    alpha = at.alpha - f.weights * (rows.T @ residual)
     pd, ps = cross_design @ f.u, cross_strain @ f.v
+    half_y = _solve(blocks, (rows @ at.alpha).T[:, :, None])  # (m, q, 1)
+    half_k = _solve(blocks, scaled @ pd.T)  # (m, q, q)
+    explained = ((pd.square() @ f.weights - half_k.square().sum(1).T)[row_design]) * ps.square()
+    gained = torch.zeros_like(explained[:, 0])
+    here = ~torch.isin(at.missing // m, fold)
+    missing = at.missing[here]
+    change = torch.zeros_like(at.alpha)
+    if len(missing):
+        um, vm = f.u[missing // m], f.v[missing % m]
+        half_m = _solve(blocks, (scaled @ um.T) * vm.T[:, None, :])  # (m, q, k)
+        schur = inverse_block(f, missing) - torch.einsum("jik,jil->kl", half_m, half_m)
+        root = torch.linalg.cholesky(schur)
+        # (Q y)_M vanishes: the missing entries are already filled by what all rows say.
+        right = -torch.einsum("jik,ji->k", half_m, half_y[:, :, 0])
+        x_m = torch.cholesky_solve(right[:, None], root)[:, 0]
+        half_y = half_y - (half_m @ x_m)[:, :, None]
+        change = um.T @ (vm * x_m[:, None])
+        crossed = _crossed(f, missing, pd, ps, row_design)
+        for j in range(m):
+            crossed -= (half_m[j].T @ half_k[j])[:, row_design] * ps[:, j]
+        gained = torch.linalg.solve_triangular(root, crossed, upper=False).square().sum(0)
+    residual = torch.linalg.solve_triangular(blocks.mT, half_y, upper=True)[:, :, 0].T  # (q, m)
+    alpha = at.alpha - f.weights * (rows.T @ residual + change)
     mean = ((pd @ alpha)[row_design] * ps).sum(1)
-    gained = torch.linalg.solve_triangular(blocks, scaled @ pd.T, upper=False)
-    explained = pd.square() @ f.weights - gained.square().sum(1).T  # (q, m)
-    variance = at.signal * (1.0 - (explained[row_design] * ps.square()).sum(1)).clamp_min(0.0)
+    variance = at.signal * (1.0 - explained.sum(1) + gained).clamp_min(0.0)
     return mean, variance
 
 
-def _rows(factors: Factors, entries: Tensor) -> Tensor:
-    """(k, p, m) rows of the Kronecker eigenvector matrix at flat grid indices."""
-    m = factors.v.shape[0]
-    u = factors.u[torch.div(entries, m, rounding_mode="floor")]
-    v = factors.v[entries % m]
-    return u[:, :, None] * v[:, None, :]
+def leave_entries_out(at: Conditioned, entries: Tensor) -> tuple[Tensor, Tensor]:
+    """Predict observed grid entries from all other observed ones, hyperparameters fixed.
+
+    Args:
+        at: the grid conditioned on everything.
+        entries: (t,) flat indices, none of them missing.
+
+    Returns:
+        (t,) means and (t,) noise-free variances.
+    """
+    f = at.factors
+    hidden = torch.cat([entries, at.missing])
+    root = torch.linalg.cholesky(inverse_block(f, hidden))
+    q_y = (f.u @ at.alpha @ f.v.T).reshape(-1)[hidden]
+    residual = torch.cholesky_solve(q_y[:, None], root)[: len(entries), 0]
+    spread = torch.cholesky_inverse(root).diagonal()[: len(entries)]
+    variance = at.signal * (spread - f.noise_ratio).clamp_min(0.0)
+    return at.filled.reshape(-1)[entries] - residual, variance
+
+
+def inverse_block(factors: Factors, entries: Tensor) -> Tensor:
+    """(k, k) block of the inverse covariance at flat grid indices.
+
+    Entries share designs, so the costly product is done once for each pair of designs.
+    """
+    m = len(factors.mu)
+    designs, which = torch.unique(entries // m, return_inverse=True)
+    u, v = factors.u[designs], factors.v[entries % m]
+    block = torch.zeros((len(entries), len(entries)), dtype=u.dtype, device=u.device)
+    for j in range(m):
+        pairs = (u * factors.weights[:, j]) @ u.T
+        block += pairs[which][:, which] * (v[:, j, None] * v[None, :, j])
+    return block
+
+
+def _solve(blocks: Tensor, right: Tensor) -> Tensor:
+    return torch.linalg.solve_triangular(blocks, right, upper=False)
+
+
+def _crossed(f: Factors, entries: Tensor, pd: Tensor, ps: Tensor, row_design: Tensor) -> Tensor:
+    """(k, t): rows of the inverse covariance at grid entries times the points' correlations.
+
+    Args:
+        f: of the grid.
+        entries: (k,) flat indices.
+        pd, ps: (q, p) and (t, m) correlations in the eigenbasis.
+        row_design: (t,) which of the q designs each point has.
+    """
+    m = len(f.mu)
+    u, v = f.u[entries // m], f.v[entries % m]
+    total = torch.zeros((len(entries), len(ps)), dtype=u.dtype, device=u.device)
+    for j in range(m):
+        by_design = (u * f.weights[:, j]) @ pd.T
+        total += by_design[:, row_design] * (v[:, j, None] * ps[None, :, j])
+    return total

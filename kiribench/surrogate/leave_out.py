@@ -124,29 +124,20 @@ def _from_grid(
                 "of a design's curve only.",
                 remedy="Refit for such folds, or leave out whole designs.",
             )
+        if not whole.all():
+            entries = grid.row_design[rows] * len(grid.curve) + grid.row_curve[rows]
+            mean, variance = kronecker.leave_entries_out(at, torch.as_tensor(entries, device=place))
+            results.append(_result(learnt, rows, mean, variance))
+            continue
         left = torch.as_tensor(designs, device=place)
-        cross_design = likelihood.design_correlation(
-            form, state.designs[left], state.designs, theta
-        )
         strains = torch.as_tensor(strain_scaled[rows][:, None], device=place)
-        cross_strain = likelihood.strain_correlation(form, strains, state.strains, theta)
-        index = torch.as_tensor(row_design.ravel(), device=place)
-        if whole.all() and len(grid.missing) == 0:
-            mean, variance = kronecker.leave_designs_out(
-                at, left, index, cross_design, cross_strain
-            )
-        else:
-            hidden = ~grid.observed
-            hidden[designs[whole]] = True
-            part = ~whole[row_design.ravel()]
-            hidden[grid.row_design[rows[part]], grid.row_curve[rows[part]]] = True
-            without = kronecker.condition(
-                at.factors,
-                torch.as_tensor(learnt.scale_targets(grid.values), device=place),
-                torch.as_tensor(np.flatnonzero(hidden.ravel()), device=place),
-                at.signal,
-            )
-            mean, variance = kronecker.predict(without, cross_design, cross_strain, index)
+        mean, variance = kronecker.leave_designs_out(
+            at,
+            left,
+            torch.as_tensor(row_design.ravel(), device=place),
+            likelihood.design_correlation(form, state.designs[left], state.designs, theta),
+            likelihood.strain_correlation(form, strains, state.strains, theta),
+        )
         results.append(_result(learnt, rows, mean, variance))
     return tuple(results)
 
