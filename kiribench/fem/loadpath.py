@@ -56,9 +56,11 @@ class LoadPath:
         face_overlap_mm: (n,) largest depth to which two crack faces interpenetrate, mm.
         newton_iterations: (n,) Newton iterations spent on the step, its substeps included.
         status: n strings, ``"ok"``, ``"not-converged"`` or ``"not-reached"``.
-        mesh_error_poisson: (n,) estimate of the mesh error of Poisson's ratio (log measure):
-            the change of nu at equal longitudinal stretch against a mesh twice as coarse. NaN
-            when no estimate was asked for.
+        mesh_error_poisson: (n,) estimate of the mesh error of Poisson's ratio (log measure).
+            Cell: the change of nu against a mesh twice as coarse, at equal stretch. Sheet: the
+            change of nu of the periodic cell between the sheet's facet mesh and one 2.5 times
+            as fine, at the gauge's longitudinal stretch. NaN when no estimate was asked for, or
+            where the other mesh has no answer.
         reason: why the path ended early; None where every step converged.
         degrees_of_freedom: unknowns of the (fine) mesh.
         cpu_seconds: processor time of the whole call.

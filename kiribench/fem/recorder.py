@@ -69,32 +69,15 @@ class Recorder:
         )
 
 
-def with_mesh_error(path: LoadPath, coarse: LoadPath | None, cpu_seconds: float) -> LoadPath:
-    """The path with its mesh error: the change of nu (log) against a coarser mesh.
+def with_mesh_error(
+    path: LoadPath, one: LoadPath | None, two: LoadPath | None, cpu_seconds: float
+) -> LoadPath:
+    """The path with its cost and its mesh error: the change of nu (log) between two paths.
 
-    The coarser path is compared at equal longitudinal stretch, by a cubic through its states;
-    beyond its last state the error is not known (NaN).
+    The two paths have the steps of the converged part of ``path``; where either has no answer,
+    the error is not known (NaN).
     """
-    error = path.mesh_error_poisson
-    if coarse is not None:
-        both = coarse.converged
-        known = path.converged
-        at = path.strain()[known]
-        other = coarse.strain()[both]
-        if both.sum() and np.array_equal(at[: both.sum()], other):
-            value = coarse.poisson()[both]
-            found = np.full(len(at), np.nan)
-            found[: len(value)] = value[: len(at)]
-        elif both.sum() >= 4:
-            from scipy.interpolate import CubicSpline
-
-            spline = CubicSpline(
-                np.append(0.0, other), np.append(0.0, coarse.lateral_strain()[both])
-            )
-            found = -spline(at) / at
-            found[at > other[-1] * 1.02] = np.nan
-        else:
-            found = np.full(len(at), np.nan)
-        error = np.full(len(path.status), np.nan)
-        error[known] = np.abs(found - path.poisson()[known])
+    error = path.mesh_error_poisson.copy()
+    if one is not None and two is not None:
+        error[path.converged] = np.abs(one.poisson() - two.poisson())
     return replace(path, mesh_error_poisson=error, cpu_seconds=cpu_seconds)

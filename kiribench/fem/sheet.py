@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from kiribench.errors import DataError
+from kiribench.fem.cell import simulate_cell
 from kiribench.fem.condensed import CondensedSystem
 from kiribench.fem.equilibrium import LoadStepper
 from kiribench.fem.gauge import FacePairs, cell_stretches, site_positions
@@ -69,7 +70,8 @@ def simulate_sheet(
         sheet: None is ``SheetSpec()``.
         mesh: None is ``MeshSpec()``.
         material: None is the paper's ``NeoHookean(0.207)``.
-        estimate_error: fill ``mesh_error_poisson``.
+        estimate_error: fill ``mesh_error_poisson`` from the periodic cell at the gauge's
+            longitudinal stretches: on the sheet's facet mesh against one 2.5 times as fine.
     """
     began = time.process_time()
     specimen = sheet or SheetSpec()
@@ -77,10 +79,13 @@ def simulate_sheet(
     law = material or NeoHookean()
     displacements = np.atleast_1d(np.asarray(displacements_mm, dtype=np.float64))
     path = _follow(a, b, displacements, specimen, spec, law)
-    coarse = None
+    same = finer = None
     if estimate_error:
-        coarse = _follow(a, b, displacements, specimen, spec.coarser(), law)
-    return with_mesh_error(path, coarse, time.process_time() - began)
+        gauge = path.longitudinal_stretch[path.converged]
+        cell = {"cell_mm": specimen.cell_mm, "material": law, "estimate_error": False}
+        same = simulate_cell(a, b, gauge, mesh=spec, **cell)
+        finer = simulate_cell(a, b, gauge, mesh=spec.scaled(0.4), **cell)
+    return with_mesh_error(path, same, finer, time.process_time() - began)
 
 
 def quarter_mesh(a: float, b: float, sheet: SheetSpec, spec: MeshSpec) -> SheetMesh:
