@@ -10,7 +10,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from kiribench.surface.geodesic_kernels import NO_ROOM, Scratch, distance
-from kiribench.surface.geodesic_strip import find_strip, shorten
+from kiribench.surface.geodesic_strip import find_strip, shorten, walk_strip
 from kiribench.surface.geodesic_trace import strip_polyline, window_polyline
 from kiribench.surface.geodesic_windows import search
 from kiribench.surface.mesh import FloatArray, IntArray
@@ -124,23 +124,25 @@ def solve_pairs(
                 at += 2
             path_offsets[k + 1] = at
             continue
-        start = source_faces[k]
+        start, weights = source_faces[k], source_weights[k]
         bound = math.inf
         count = bends = 0
         if not unbounded[k]:
-            count = find_strip(xyz, faces, twins, s, start, t, stamp, work)
+            count, at_face = walk_strip(xyz, faces, twins, s, s_held, s_place, t, stamp, work)
+            if count > 0:
+                start, weights = s_held[at_face], s_place[at_face]
+            else:
+                count = find_strip(xyz, faces, twins, s, start, t, stamp, work)
             if count == -1:
                 return k, NO_STRIP
             if count >= 0:
-                count, bends, bound = shorten(
-                    xyz, faces, twins, source_weights[k], s, t, count, work
-                )
+                count, bends, bound = shorten(xyz, faces, twins, weights, s, t, count, work)
             if count == -2:
                 return k, NO_ROOM
         strip_at = at
         if paths and not unbounded[k]:
             at = strip_polyline(
-                xyz, faces, twins, s, start, source_weights[k], t, count, bends, strip_at, work
+                xyz, faces, twins, s, start, weights, t, count, bends, strip_at, work
             )
             if at < 0:
                 return k, NO_ROOM

@@ -1,6 +1,7 @@
 """A locally shortest path through a strip of faces: the upper bound for the exact search.
 
-Find any strip between two points (best-first search over faces), lay it out flat, pull the
+Find any strip between two points (a walk in a plane, or a best-first search where that
+meets a border), lay it out flat, pull the
 string taut (funnel), and while the path bends about a vertex with less than half a turn on
 its free side, lead the strip around that other side. After Xin and Wang (2007),
 doi:10.1016/j.cad.2007.08.001.
@@ -42,6 +43,78 @@ def _towards(xyz: FloatArray, faces: IntArray, f: int, t: FloatArray) -> Any:
         z,
         math.sqrt((x - t[0]) * (x - t[0]) + (y - t[1]) * (y - t[1]) + (z - t[2]) * (z - t[2])),
     )
+
+
+@njit(cache=True)
+def _beside(xyz: FloatArray, v: int, s: FloatArray, q: FloatArray) -> float:
+    x, y, z = xyz[v, 0] - s[0], xyz[v, 1] - s[1], xyz[v, 2] - s[2]
+    side: float = q[0] * x + q[1] * y + q[2] * z
+    return side
+
+
+@njit(cache=True)
+def walk_strip(
+    xyz: FloatArray,
+    faces: IntArray,
+    twins: IntArray,
+    s: FloatArray,
+    held: IntArray,
+    places: FloatArray,
+    t: FloatArray,
+    stamp: int,
+    work: Scratch,
+) -> tuple[int, int]:
+    """The strip that the plane through both points and the normal at ``s`` cuts out.
+
+    Args:
+        held: faces that hold ``s``, with its weights ``places``.
+
+    Returns:
+        The number of crossed half-edges in ``work.strip`` and which of ``held`` it starts in;
+        (-1, 0) where the walk meets a border or passes the target by.
+    """
+    a, b, c = faces[held[0], 0], faces[held[0], 1], faces[held[0], 2]
+    normal = np.cross(xyz[b] - xyz[a], xyz[c] - xyz[a])
+    ahead = t - s
+    q = np.cross(ahead, normal)
+    reach = ahead[0] * ahead[0] + ahead[1] * ahead[1] + ahead[2] * ahead[2]
+    for n in range(len(held)):
+        f = held[n]
+        h = -1
+        for i in range(3):
+            if places[n, (i + 2) % 3] == 0.0:
+                continue  # the edge holds s
+            a, b = faces[f, i], faces[f, (i + 1) % 3]
+            side_a, side_b = _beside(xyz, a, s, q), _beside(xyz, b, s, q)
+            if (side_a >= 0.0) == (side_b >= 0.0):
+                continue
+            share = side_a / (side_a - side_b)
+            forward = 0.0
+            for x in range(3):
+                forward += ahead[x] * (xyz[a, x] + share * (xyz[b, x] - xyz[a, x]) - s[x])
+            if forward > 0.0:
+                h = 3 * f + i
+        count = 0
+        while h >= 0 and count + 4 < len(work.strip):
+            work.strip[count] = h
+            count += 1
+            h = twins[h // 3, h % 3]
+            if h < 0:
+                break
+            f, i = h // 3, h % 3
+            if work.target_stamp[f] == stamp:
+                return count, n
+            o, p = faces[f, i], faces[f, (i + 2) % 3]
+            past = 0.0
+            for x in range(3):
+                past += ahead[x] * (xyz[p, x] - s[x])
+            if past > 1.5 * reach or past < -0.5 * reach:
+                break
+            if (_beside(xyz, p, s, q) >= 0.0) == (_beside(xyz, o, s, q) >= 0.0):
+                h = 3 * f + (i + 1) % 3
+            else:
+                h = 3 * f + (i + 2) % 3
+    return -1, 0
 
 
 @njit(cache=True)
