@@ -94,18 +94,18 @@ VARIANTS = (
         np.diag([-1.0, 1.0, 1.0, 1.0]),
         "mm",
         None,
-        1e-4,
+        1e-3,
         1e-6,
-        "lateral and medial swap with the leg; registration stops within 1e-3 mm",
+        "lateral and medial swap; registration draws other skin points, some 0.003 mm",
     ),
     Variant(
         "remeshing",
         np.eye(4),
         "mm",
         split_faces,
-        1e-3,
+        2e-3,
         1e-6,
-        "the surface is the same; registration draws other skin points, some 0.005 mm",
+        "the surface is the same; registration and the skin's normals see other samples of it",
     ),
 )
 
