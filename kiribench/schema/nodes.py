@@ -8,6 +8,7 @@ value. Other columns are kept out of the way.
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -31,6 +32,12 @@ MAX_COORDINATE_MM = 1e6
 """No body is a kilometre from its scanner; beyond it float32 files lose the millimetre."""
 
 MAX_SD_MM = 100.0
+
+NUMBER = re.compile(r"^[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?$")
+"""A number as it may stand in a table: no underscores, no hexadecimals, no words."""
+
+NO_VALUE = frozenset({"", "n/a", "na"})
+"""How a table may say that there is no value, in lower case."""
 
 BARYCENTRIC_SUM_TOLERANCE = 1e-3
 """Three weights printed with three decimals miss 1 by up to this; they are rescaled."""
@@ -146,3 +153,15 @@ def nodes_schema(node_rows: int, node_columns: int) -> Any:
         },
         name="nodes",
     )
+
+
+REMEDIES = {
+    "nodes-coordinate-range": "Give millimetres in the scan's frame; move far-away scans first.",
+    "nodes-barycentric": "Give the weights of the face's three corners; they sum to 1.",
+    "nodes-index-range": "Count rows and columns from 0, proximal lateral first; describe another "
+    "grid under Grid (nodes of worn scans: under Patch) in dataset_description.json.",
+    "nodes-face-range": "Count the scan's faces from 0.",
+    "nodes-sd": "Give the standard deviation of the node's position in millimetres.",
+    "nodes-status": "Write ok, missing or hidden.",
+}
+"""What to do about a fault of the schema, by its code."""
