@@ -15,6 +15,7 @@ from kiribench.report.figures.grades import grade_map
 from kiribench.report.figures.heatmap import heatmap, scale_limit, short
 from kiribench.report.figures.outlines import outline_card
 from kiribench.report.figures.regions import label_places, region_map
+from kiribench.report.figures.surface_view import surface_view
 from kiribench.report.palette import DIVERGING, GRADE_FILL, GRADE_INK, SEQUENTIAL, ink_on
 from kiribench.report.svg import canvas, drawing, inline_svg
 
@@ -69,6 +70,41 @@ def test_the_grade_map_writes_letter_and_overlap_of_every_cell() -> None:
     assert {"0.95", "0.50", "0.80", "n/a"} <= set(words)
 
 
+def test_cells_whose_grade_is_contested_have_a_corner() -> None:
+    """The corner of cell (1, 0) and the one of the key; no other triangle."""
+    svg = example_grades(mirrored=False)
+    words = texts(svg)
+    triangles = [
+        np.array(re.findall(r"([-\d.]+) ([-\d.]+)", path), dtype=float)
+        for path in re.findall(r'<path d="([^"]+)"', svg)
+        if path.count("L") == 2 and path.rstrip().endswith("z")
+    ]
+    assert len(triangles) == 2
+    x, y = triangles[0].max(axis=0)[0], triangles[0].min(axis=0)[1]
+    assert 0 < x - words["0.80"][0][0] < 48
+    assert 0 < words["0.80"][0][1] - y < 48
+
+
+def test_the_picture_of_the_skin_has_the_letter_of_every_cell_in_sight() -> None:
+    outline = np.array([[-5.0, -5.0, 9.0], [-5.0, 5.0, 9.0], [5.0, 5.0, 9.0], [5.0, -5.0, 9.0]])
+    cells = np.stack([outline, outline + np.array([12.0, 0, 0]), outline + np.array([24.0, 0, 0])])[
+        None
+    ]
+    on_edge = cells[0, 2].copy()
+    on_edge[:, 0] = on_edge[:, 2] = 20.0
+    on_edge[:2, 2] = 30.0
+    cells[0, 2] = on_edge
+    mesh = cylinder_mesh(step_mm=20.0)
+    svg = surface_view(
+        mesh.vertices_mm, mesh.faces, cells, cells, np.array([["good", "poor", "fair"]]), alt="t"
+    )
+    words = texts(svg)
+    assert len(words["G"]) == len(words["P"]) == 1
+    assert words["G"][0][0] < words["P"][0][0]
+    assert "F" not in words  # seen edge-on
+    assert svg.count("<image") == 1
+
+
 def test_a_left_leg_is_drawn_with_lateral_at_the_right() -> None:
     right, left = texts(example_grades(mirrored=False)), texts(example_grades(mirrored=True))
     assert right["0.95"][0][0] < right["0.50"][0][0]
@@ -87,6 +123,10 @@ def test_the_region_map_writes_share_and_counts() -> None:
     words = texts(svg)
     assert {"S", "50 %", "1 of 2", "P", "100 %", "2 of 2"} <= set(words)
     assert words["S"][0][1] < words["P"][0][1]
+
+
+def test_a_label_stands_in_the_middle_of_a_block() -> None:
+    assert label_places([["a", "a", "b"], ["a", "a", "b"]])["a"] == (0.5, 0.5)
 
 
 def test_labels_stand_inside_their_region_whatever_its_shape() -> None:
@@ -120,6 +160,19 @@ def test_the_heatmap_writes_values_reasons_and_asterisks() -> None:
     )
     words = texts(svg)
     assert {".25*", "−.50", "s", "1.50", "−1", "0", "+1"} <= set(words)
+
+
+def fills(svg: str) -> list[str]:
+    return re.findall(r"fill: (#[0-9a-f]{6}); stroke: #ffffff", svg)
+
+
+def test_a_value_has_its_colour_of_the_scale() -> None:
+    values = np.array([[-0.4, 0.0, 0.4, 0.8]])
+    svg = heatmap(values, limit=0.4, label="x", mirrored=False, name="m", alt="t")
+    low, middle, high, beyond = fills(svg)
+    assert low == DIVERGING[0]
+    assert lightness(middle) == pytest.approx(lightness(DIVERGING[3]), abs=1.0)
+    assert high == beyond == DIVERGING[-1]
 
 
 def test_values_beyond_the_scale_give_it_arrows() -> None:
@@ -211,12 +264,14 @@ def test_drawings_are_deterministic_and_their_ids_unique() -> None:
             sheet = Sheet(1, 1)
             figure, axes = sheet.open()
             sheet.box(axes, 0, 0, facecolor="white", hatch="////")
+            axes.scatter([0.2, 0.8], [0.5, 0.5])
             return inline_svg(figure, name, "t")
 
     one, again, other = hatched("one"), hatched("one"), hatched("two")
     assert one == again
     ids = [set(re.findall(r' id="([^"]+)"', svg)) for svg in (one, other)]
-    assert ids[0]
+    assert len(ids[0]) >= 2
+    assert "href=" in one
     assert not ids[0] & ids[1]
     for svg in (one, other):
         used = set(re.findall(r"url\(#([^)]+)\)", svg)) | set(re.findall(r'href="#([^"]+)"', svg))

@@ -163,6 +163,31 @@ def test_all_cells_and_all_three_definitions_are_in_the_table(page: str) -> None
     assert len(strain) == 16 * 12
 
 
+def test_map_and_table_of_regions_have_the_counts_of_the_score(page: str) -> None:
+    score = conformability_case()
+    region_svg = page[page.index('aria-label="Map of 7 regions') :].split("</svg>")[0]
+    for region in score.regions:
+        assert region.satisfactory is not None
+        counted = f">{region.good + region.fair} of {region.scored}<"
+        assert counted in region_svg
+        share = f"{100 * region.satisfactory:.1f}"
+        row = re.search(rf'<tr><th scope="row"><span>{region.label}<.*?</tr>', page)
+        assert row is not None
+        cells = re.findall(r'<td class="n">(.*?)</td>', row[0])
+        assert cells[0] == f"{share}\u00a0%"
+        assert [int(cell) for cell in cells[2:5]] == [region.good, region.fair, region.poor]
+
+
+def test_the_three_definitions_have_their_own_counts(parsed: Outline) -> None:
+    score = conformability_case()
+    for name, grades in score.grades.items():
+        counts = [int((grades == grade).sum()) for grade in ("good", "fair", "poor")]
+        caption = next(
+            str(f["caption"]) for f in parsed.figures if str(f["caption"]).startswith(name)
+        )
+        assert f"{counts[0]} good, {counts[1]} fair, {counts[2]} poor" in caption
+
+
 def test_the_worst_cells_are_the_worst(parsed: Outline) -> None:
     score = conformability_case()
     shown = [tuple(map(int, m)) for m in re.findall(r"Row (\d+), column (\d+) \(", parsed.text)]

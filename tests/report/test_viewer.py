@@ -62,11 +62,12 @@ def test_every_scored_cell_is_one_closed_loop_in_the_colour_of_its_grade(parts: 
     grades = parts[4]
     loops = {trace["name"]: trace for trace in traces(*parts) if trace.get("mode") == "lines"}
     for grade in ("good", "fair", "poor"):
-        x = unpack(loops[f"patch cells, {grade}"]["x"])
-        gaps = np.flatnonzero(np.isnan(x))
+        trace = loops[f"patch cells, {grade}"]
+        points = np.stack([unpack(trace[axis]) for axis in "xyz"], axis=1)
+        gaps = np.flatnonzero(np.isnan(points).all(axis=1))
         assert len(gaps) == (grades == grade).sum()
         starts = np.concatenate([[0], gaps[:-1] + 1])
-        assert np.array_equal(x[starts], x[gaps - 1])
+        assert np.array_equal(points[starts], points[gaps - 1])
     assert len({trace["line"]["color"] for trace in loops.values()}) == 4
 
 
