@@ -189,6 +189,14 @@ inside the surface, differently on two meshes."""
 REGISTRATION_SIGMAS = 3.5
 """Displacement error in standard deviations that the covariance predicts, a single direction."""
 
+REGISTRATION_NOISY_MM = 0.15
+"""Largest displacement error with 0.1 mm of white noise, also where a patch lies over nearly half
+of the common skin and is not masked: half of the 0.3 mm that is known to change grades."""
+
 REGISTRATION_MULTIDIC_MM = 0.015
 """Displacement along normals of a real rigid body against its matched points: the rms residual
 of the points themselves after the best rigid motion is 0.013 to 0.014 mm (SOURCE.txt)."""
+
+FRAME_MM = 0.02
+"""mm: registration of a bumpy limb of 1.5 mm facets, whose chords stand 0.006 mm off; 0.3 mm
+would change grades, 0.02 mm changes an overlap by .0027 at most."""
