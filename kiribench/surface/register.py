@@ -35,12 +35,16 @@ SYSTEMATIC_MM = 0.01
 MOST_ITERATIONS = 100
 
 _OUTLIER_SIGMAS = 3.0
-_SIGMA_OF_MEDIAN = 1.4826
+_SIGMA_OF_QUARTILE = 3.1383  # of |x|: less misled by nearly half of wrong points than the median
 _FLOOR_MM = 0.01  # residuals below this are never outliers
 _BLOCK_MM = 10.0  # residuals within a block may be correlated
 # A round ends with a step of this many of its own standard errors.
 _ROUND_ENDS = (3.0, 1.0, 0.1)
 _STALLED = 1.0
+_SHIFT_MM = 3.0  # starts to compare lie this far off: a patch is about 2 mm thick
+_FEW = 1500  # points to compare starts with
+_FEWEST = 20
+_FINE_MM = 0.05
 _LEAST_STEP_MM = 1e-7
 _FREE = 1e-9  # share of the stiffest direction below which one is left alone
 
@@ -52,7 +56,9 @@ class Registration:
     Attributes:
         rotation: (3, 3), translation_mm: (3,): fixed = rotation moving + translation.
         residual_rms_mm: rms distance along normals of the points used.
-        initial_rms_mm: the same quantity, trimmed in the same way, before the first step.
+        initial_rms_mm: rms of the best ``trim`` share before the first step.
+        misfit_rms_mm: rms of the mean residuals of 10 mm blocks: what is left when noise is
+            averaged out. Near ``residual_rms_mm``, the skin itself differs.
         inlier_fraction: points used / points sampled on the moving scan.
         overlap_fraction: points with a partner on the fixed scan / points sampled.
         points_used: how many.
@@ -71,6 +77,7 @@ class Registration:
     translation_mm: FloatArray
     residual_rms_mm: float
     initial_rms_mm: float
+    misfit_rms_mm: float
     inlier_fraction: float
     overlap_fraction: float
     points_used: int
@@ -163,24 +170,16 @@ def register(
     pairs = partners.find(pose.apply(points), directions @ pose.rotation.T)
     _require(len(pairs.residual) / len(points), len(pairs.residual), least_overlap)
     initial_rms = float(np.sqrt(np.mean(pairs.residual[_trimmed(pairs.residual, trim)] ** 2)))
-    iterations = 0
-    for share, negligible in zip((trim, min(trim, 0.5), 1.0), _ROUND_ENDS, strict=True):
-        for _ in range(MOST_ITERATIONS):
-            used = _trimmed(pairs.residual, share)
-            rows, centre, reach = _rows(pairs, used)
-            residual = pairs.residual[used]
-            scaled = _solve(rows, residual)
-            turn = rotation_of(scaled[:3] / reach)
-            step = RigidTransform(turn, centre - turn @ centre + scaled[3:])
-            pose = step.after(pose)
-            pairs = partners.find(pose.apply(points), directions @ pose.rotation.T)
-            _require(len(pairs.residual) / len(points), len(pairs.residual), least_overlap)
-            iterations += 1
-            effect = float(np.linalg.norm(rows @ scaled))
-            noise = float(np.sqrt(np.mean((residual - rows @ scaled) ** 2)))
-            if effect <= max(negligible * noise, _LEAST_STEP_MM * np.sqrt(len(residual))):
-                break
-    if effect > _STALLED * max(noise, _LEAST_STEP_MM):
+    descent = _descend(partners, points, directions, pose, _rounds(trim))
+    iterations = descent.iterations
+    if _doubtful(partners, points, directions, descent):
+        pose, tried = _best_start(partners, points, directions, descent.pose, trim)
+        descent = _descend(partners, points, directions, pose, _rounds(trim))
+        iterations += tried + descent.iterations
+    pose = descent.pose
+    pairs = partners.find(pose.apply(points), directions @ pose.rotation.T)
+    _require(len(pairs.residual) / len(points), len(pairs.residual), least_overlap)
+    if descent.last_step > _STALLED:
         raise NotConvergedError(
             "registration-not-converged",
             f"The registration still moved after {iterations} steps.",
@@ -212,6 +211,7 @@ def register(
         translation_mm=pose.translation_mm,
         residual_rms_mm=rms,
         initial_rms_mm=initial_rms,
+        misfit_rms_mm=_block_rms(residual, pairs.position[used]),
         inlier_fraction=len(residual) / len(points),
         overlap_fraction=len(pairs.residual) / len(points),
         points_used=len(residual),
@@ -220,6 +220,93 @@ def register(
         centre_mm=centre,
         iterations=iterations,
     )
+
+
+def _rounds(trim: float) -> tuple[tuple[float, float], ...]:
+    """(share used, standard errors of the step that ends it) of each round."""
+    return tuple(zip((trim, min(trim, 0.5), 1.0), _ROUND_ENDS, strict=True))
+
+
+def _doubtful(
+    partners: _Partners, points: FloatArray, directions: FloatArray, descent: _Descent
+) -> bool:
+    """Whether many points do not fit, or fit with residuals that are no noise."""
+    pairs = partners.find(descent.pose.apply(points), directions @ descent.pose.rotation.T)
+    if len(pairs.residual) < _FEWEST:
+        return False
+    used = _trimmed(pairs.residual, 1.0)
+    rms = float(np.sqrt(np.mean(pairs.residual[used] ** 2)))
+    structured = _block_rms(pairs.residual[used], pairs.position[used]) > 0.5 * rms
+    return len(used) < 0.85 * len(pairs.residual) or (structured and rms > _FINE_MM)
+
+
+def _best_start(
+    partners: _Partners,
+    points: FloatArray,
+    directions: FloatArray,
+    pose: RigidTransform,
+    trim: float,
+) -> tuple[RigidTransform, int]:
+    """The best of seven descents with fewer points: from ``pose``, and shifted along each axis.
+
+    The best has the least mean square of the better half of the points (least trimmed
+    squares); a patch that lies on nearly half of the surface makes a second optimum, one
+    thickness off, into which a single descent can fall.
+    """
+    few = slice(None, None, max(1, len(points) // _FEW))
+    points, directions = points[few], directions[few]
+    shifts = np.vstack([np.zeros(3), _SHIFT_MM * np.eye(3), -_SHIFT_MM * np.eye(3)])
+    found: list[tuple[float, int, RigidTransform]] = []
+    iterations = 0
+    for shift in shifts:
+        start = RigidTransform(np.eye(3), shift).after(pose)
+        descent = _descend(partners, points, directions, start, _rounds(trim)[:2])
+        iterations += descent.iterations
+        turned = directions @ descent.pose.rotation.T
+        square = np.sort(partners.find(descent.pose.apply(points), turned).residual ** 2)
+        half = square[: (len(square) + 1) // 2]
+        found.append((float(half.mean()) if len(half) else np.inf, len(square), descent.pose))
+    most = max(partnered for _, partnered, _ in found)
+    near = [entry for entry in found if entry[1] >= 0.8 * most]
+    return min(near, key=lambda entry: entry[0])[2], iterations
+
+
+@dataclass(frozen=True, eq=False)
+class _Descent:
+    pose: RigidTransform
+    iterations: int
+    last_step: float  # in its own standard errors
+
+
+def _descend(
+    partners: _Partners,
+    points: FloatArray,
+    directions: FloatArray,
+    pose: RigidTransform,
+    rounds: tuple[tuple[float, float], ...],
+) -> _Descent:
+    """Iterate closest points from ``pose`` through ``rounds``."""
+    iterations = 0
+    last = np.inf
+    for share, negligible in rounds:
+        for _ in range(MOST_ITERATIONS):
+            pairs = partners.find(pose.apply(points), directions @ pose.rotation.T)
+            used = _trimmed(pairs.residual, share)
+            if len(used) < _FEWEST:
+                return _Descent(pose, iterations, np.inf)
+            rows, centre, reach = _rows(pairs, used)
+            residual = pairs.residual[used]
+            scaled = _solve(rows, residual)
+            turn = rotation_of(scaled[:3] / reach)
+            shift = centre - turn @ centre + scaled[3:]
+            pose = RigidTransform(turn, shift).after(pose)
+            iterations += 1
+            effect = float(np.linalg.norm(rows @ scaled))
+            noise = float(np.sqrt(np.mean((residual - rows @ scaled) ** 2)))
+            last = effect / max(noise, _LEAST_STEP_MM * np.sqrt(len(residual)))
+            if last <= negligible:
+                break
+    return _Descent(pose, iterations, last)
 
 
 @dataclass(frozen=True, eq=False)
@@ -305,7 +392,7 @@ def _require(overlap: float, points: int, least: float) -> None:
 def _trimmed(residual: FloatArray, trim: float) -> NDArray[np.intp]:
     """The points to use: the best ``trim`` share, less those beyond 3 robust sigmas."""
     size = np.abs(residual)
-    limit = _OUTLIER_SIGMAS * _SIGMA_OF_MEDIAN * float(np.median(size))
+    limit = _OUTLIER_SIGMAS * _SIGMA_OF_QUARTILE * float(np.quantile(size, 0.25))
     kept = np.argsort(size, kind="stable")[: max(6, int(np.ceil(trim * len(size))))]
     return np.sort(kept[size[kept] <= max(limit, _FLOOR_MM)])
 
@@ -327,6 +414,19 @@ def _solve(rows: FloatArray, residual: FloatArray) -> FloatArray:
     return np.asarray(vectors @ np.where(firm, along / np.where(firm, values, 1.0), 0.0))
 
 
+def _blocks(position: FloatArray) -> NDArray[np.int64]:
+    """(k,) number of the 10 mm block that each point lies in."""
+    block = np.floor(position / _BLOCK_MM).astype(np.int64)
+    return np.unique(block, axis=0, return_inverse=True)[1].reshape(-1).astype(np.int64)
+
+
+def _block_rms(residual: FloatArray, position: FloatArray) -> float:
+    label = _blocks(position)
+    points = np.bincount(label)
+    mean = np.bincount(label, weights=residual) / points
+    return float(np.sqrt(np.average(mean**2, weights=points)))
+
+
 def _covariance(
     rows: FloatArray,
     residual: FloatArray,
@@ -340,11 +440,10 @@ def _covariance(
     normal = rows.T @ rows
     values, vectors = np.linalg.eigh(normal)
     inverse = (vectors / np.maximum(values, _FREE * values[-1])) @ vectors.T
-    block = np.floor(position / _BLOCK_MM).astype(np.int64)
-    _, label = np.unique(block, axis=0, return_inverse=True)
+    label = _blocks(position)
     blocks = int(label.max()) + 1
     score = np.zeros((blocks, 6))
-    np.add.at(score, label.reshape(-1), rows * residual[:, None])
+    np.add.at(score, label, rows * residual[:, None])
     freedom = blocks / max(blocks - 6, 1)
     # Few blocks make the sandwich too small by chance: never below independence.
     robust = inverse @ (freedom * score.T @ score) @ inverse
