@@ -256,7 +256,7 @@ def inverse_block(factors: Factors, entries: Tensor) -> Tensor:
     m = len(factors.mu)
     designs, which = torch.unique(entries // m, return_inverse=True)
     u, v = factors.u[designs], factors.v[entries % m]
-    block = torch.zeros((len(entries), len(entries)), dtype=u.dtype, device=u.device)
+    block: Tensor = torch.zeros((len(entries), len(entries)), dtype=u.dtype, device=u.device)
     for j in range(m):
         pairs = (u * factors.weights[:, j]) @ u.T
         block += pairs[which][:, which] * (v[:, j, None] * v[None, :, j])
@@ -264,7 +264,8 @@ def inverse_block(factors: Factors, entries: Tensor) -> Tensor:
 
 
 def _solve(blocks: Tensor, right: Tensor) -> Tensor:
-    return torch.linalg.solve_triangular(blocks, right, upper=False)
+    solved: Tensor = torch.linalg.solve_triangular(blocks, right, upper=False)
+    return solved
 
 
 def _crossed(f: Factors, entries: Tensor, pd: Tensor, ps: Tensor, row_design: Tensor) -> Tensor:
