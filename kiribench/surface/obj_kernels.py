@@ -234,7 +234,7 @@ def _number(buffer, at):  # type: ignore[no-untyped-def]
         at += _1
         digit = np.uint64(buffer[at]) - _DIGIT
     figures = at - first
-    exponent = 0
+    exponent = np.int64(0)
     if buffer[at] == 46:
         at += _1
         point = at
@@ -255,7 +255,7 @@ def _number(buffer, at):  # type: ignore[no-untyped-def]
         down = buffer[at] == 45
         if down or buffer[at] == 43:
             at += _1
-        power = 0
+        power = np.int64(0)
         before = at
         while 48 <= buffer[at] <= 57:
             if power < 100000:
@@ -278,7 +278,7 @@ def _index(buffer, at):  # type: ignore[no-untyped-def]
     if negative or buffer[at] == 43:
         at += _1
     first = at
-    value = 0
+    value = np.int64(0)
     digit = np.uint64(buffer[at]) - _DIGIT
     while digit < _10:
         value = value * 10 + np.int64(digit)
@@ -287,7 +287,7 @@ def _index(buffer, at):  # type: ignore[no-untyped-def]
     if at == first:
         return 0, start
     if at - first > _10:
-        value = _LARGEST
+        value = np.int64(_LARGEST)
     return (-value if negative else value), at
 
 

@@ -32,7 +32,7 @@ LEAST_POINTS = 200
 LARGEST_RMS_MM = 1.0
 LARGEST_ANGLE_DEG = 45.0
 SYSTEMATIC_MM = 0.01
-MOST_ITERATIONS = 100
+MOST_ITERATIONS = 60
 
 _OUTLIER_SIGMAS = 3.0
 _SIGMA_OF_QUARTILE = 3.1383  # of |x|: less misled by nearly half of wrong points than the median
@@ -44,6 +44,7 @@ _STALLED = 1.0
 _SHIFT_MM = 3.0  # starts to compare lie this far off: a patch is about 2 mm thick
 _FEW = 1500  # points to compare starts with
 _FEWEST = 20
+_MOST_TRIED = 20  # steps a round, to compare starts
 _FINE_MM = 0.05
 _LEAST_STEP_MM = 1e-7
 _FREE = 1e-9  # share of the stiffest direction below which one is left alone
@@ -260,7 +261,7 @@ def _best_start(
     iterations = 0
     for shift in shifts:
         start = RigidTransform(np.eye(3), shift).after(pose)
-        descent = _descend(partners, points, directions, start, _rounds(trim)[:2])
+        descent = _descend(partners, points, directions, start, _rounds(trim)[:2], _MOST_TRIED)
         iterations += descent.iterations
         turned = directions @ descent.pose.rotation.T
         square = np.sort(partners.find(descent.pose.apply(points), turned).residual ** 2)
@@ -284,12 +285,13 @@ def _descend(
     directions: FloatArray,
     pose: RigidTransform,
     rounds: tuple[tuple[float, float], ...],
+    most: int = MOST_ITERATIONS,
 ) -> _Descent:
     """Iterate closest points from ``pose`` through ``rounds``."""
     iterations = 0
     last = np.inf
     for share, negligible in rounds:
-        for _ in range(MOST_ITERATIONS):
+        for _ in range(most):
             pairs = partners.find(pose.apply(points), directions @ pose.rotation.T)
             used = _trimmed(pairs.residual, share)
             if len(used) < _FEWEST:

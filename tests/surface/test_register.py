@@ -125,13 +125,13 @@ def test_covariance_covers_noise_alone() -> None:
     """
     offs, predicted = [], []
     for seed in range(10):
-        pair = worn_pair(0.1, 100 + seed, edge=4.0)
+        pair = worn_pair(0.1, 100 + seed, edge=5.0)
         result = register(
             pair.bare,
             pair.worn,
             exclude_fixed=pair.on_patch,
             initial=TRUTH,
-            samples=4000,
+            samples=2500,
             seed=seed,
             systematic_mm=0.0,
         )
@@ -249,7 +249,7 @@ def test_another_leg_is_refused() -> None:
     other = surface_mesh(
         lambda uv: on_knee(WIDTH, HEIGHT)(uv) * [1.25, 0.8, 1.1], WIDTH, HEIGHT, 4.0
     )
-    assert refused(moving=other) in {"registration-residual", "registration-inliers"}
+    assert refused(moving=other, samples=2000) in {"registration-residual", "registration-inliers"}
 
 
 def test_kabsch_is_exact_and_proper() -> None:

@@ -59,7 +59,7 @@ def test_welding_restores_the_connectivity() -> None:
     repaired = repair_mesh(loose)
     assert len(repaired.mesh.vertices_mm) == len(np.unique(SOUND.faces))
     assert np.array_equal(repaired.mesh.corners_mm, SOUND.corners_mm)
-    carried, good = repaired.carry(random_points(loose, 99, 0))
+    _, good = repaired.carry(random_points(loose, 99, 0))
     assert good.all()
     assert_maps_are_right(loose, repaired)
     # What an unwelded mesh does to a path: none is found. Welded, it has the sound length.
