@@ -173,6 +173,15 @@ def test_side_contradiction_names_both_files(dataset: Path) -> None:
     assert SIDECAR in str(faults[0].got)
 
 
+def test_mirrored_elbow_is_seen(tmp_path: Path) -> None:
+    root = write_elbow_dataset(tmp_path / "elbow")
+    (root / "participants.tsv").unlink()
+    for path in (root / "sub-E1" / "surf").glob("*_scan.json"):
+        edit_json(path, Side="right")
+    faults = [fault for fault in check_dataset(root) if fault.severity == "error"]
+    assert [fault.code for fault in faults] == ["grid-mirrored"] * 3
+
+
 def test_body_part_without_sides_is_not_checked_for_handedness(dataset: Path) -> None:
     for path in (dataset / SURF).glob("*_scan.json"):
         edit_json(path, Side="none")
@@ -358,6 +367,36 @@ def test_coincident_and_misplaced_nodes(dataset: Path) -> None:
     assert codes(faults) == {"nodes-coincident"}
     assert codes(faults, "warning") == {"nodes-outlier"}
     assert any("node (3, 4)" in f.what and "node (3, 5)" in f.what for f in faults)
+
+
+@pytest.mark.parametrize(("apart_mm", "found"), [(0.2, True), (0.4, False)])
+def test_nodes_nearer_than_a_fiftieth_of_the_pitch_coincide(
+    dataset: Path, apart_mm: float, found: bool
+) -> None:
+    def change(grid: np.ndarray) -> np.ndarray:
+        grid = grid.copy()
+        grid[3, 4] = grid[3, 5] + [0, 0, apart_mm]
+        return grid
+
+    rewrite(dataset, change, "flex000")
+    assert codes(check_dataset(dataset)) == ({"nodes-coincident"} if found else set())
+
+
+@pytest.mark.parametrize(("mean_bulge", "decisive"), [(0.035, True), (0.025, False)])
+@pytest.mark.parametrize("side", ["right", "left"])
+def test_handedness_of_a_shallow_arc(mean_bulge: float, decisive: bool, side: str) -> None:
+    """A parabola of height h over a chord c: inner nodes lie 2/3 h (1 + O(1/n^2)) above it."""
+    chord, nodes = 180.0, 13
+    u = np.linspace(0.0, 1.0, nodes)
+    weight = 4 * u[1:-1] * (1 - u[1:-1])
+    height = mean_bulge * chord / weight.mean()
+    arc = np.stack([chord * (0.5 - u), 4 * height * u * (1 - u), 0 * u], axis=-1)
+    grid = arc[None] - np.arange(5.0)[:, None, None] * [0.0, 0.0, 15.0]
+    if side == "left":
+        grid = grid * [-1.0, 1.0, 1.0]
+    found = handedness(grid)
+    assert found.bulge == pytest.approx(mean_bulge if side == "right" else -mean_bulge, rel=1e-12)
+    assert found.decisive == decisive
 
 
 def test_handedness_needs_curvature() -> None:

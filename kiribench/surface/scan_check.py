@@ -71,7 +71,6 @@ def check_scan(subject: Subject, acquisition: str) -> ScanCheck | None:
         if any(fault.code == "nodes-spacing" for fault in found.faults):
             nodes = None  # in the wrong unit: their places on the scan would only mislead
         if nodes is not None:
-            faults += _face_range(nodes, len(scan.mesh.faces))
             faults += _units(nodes, scan.mesh, found.sidecar.units, file)
         if not any(fault.severity == "error" for fault in faults):
             repaired = repair_mesh(scan.mesh, file=file)
@@ -101,24 +100,6 @@ def relative_faults(faults: Iterable[Fault], root: Path) -> tuple[Fault, ...]:
             fault = replace(fault, file=name)
         listed[fault] = None
     return tuple(listed)
-
-
-def _face_range(nodes: NodesTable, count: int) -> list[Fault]:
-    if nodes.face is None:
-        return []
-    return [
-        Fault(
-            "nodes-face-range",
-            "The node names a face that the scan does not have.",
-            "Count faces from 0 in the order of the scan file.",
-            file=str(nodes.file),
-            row=int(nodes.line[k]),
-            column="face",
-            got=str(int(nodes.face[k])),
-            expected=f"0 to {count - 1}",
-        )
-        for k in np.flatnonzero(nodes.present & (nodes.face >= count))
-    ]
 
 
 def _units(nodes: NodesTable, mesh: Mesh, declared: str, file: str) -> list[Fault]:

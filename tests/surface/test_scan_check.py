@@ -101,7 +101,12 @@ def test_on_a_flat_surface_winding_and_mirroring_cannot_be_told_apart(dataset: P
     assert "winding-or-mirrored" in codes(checked(root))
 
 
-def test_face_beyond_the_file_is_reported_with_its_row(dataset: Path) -> None:
+@pytest.mark.parametrize("repaired", [False, True])
+def test_face_beyond_the_file_is_reported_with_its_row(dataset: Path, repaired: bool) -> None:
+    if repaired:
+        vertices, faces = Limb().mesh("flex090")
+        faces[7] = faces[7, [0, 0, 1]]
+        write_obj(dataset / SURF / "sub-A_acq-flex090_scan.obj", vertices, faces)
     path = dataset / SURF / "sub-A_acq-flex090_nodes.tsv"
     header, *rows = path.read_text().splitlines()
     count = len(Limb().mesh("flex090")[1])
