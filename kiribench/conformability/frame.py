@@ -101,6 +101,8 @@ def bring_together(
     failure: RegistrationError | NotConvergedError | None = None
     if near:
         found, failure = _try(worn.mesh, bare.mesh, ~outside, RigidTransform.identity())
+        if found is not None and _shift_sd(found, patch) > LARGEST_SHIFT_SD_MM:
+            return _assume(patch, near, _loose(found, patch))
         if found is not None and _negligible(found, patch):
             return _kept(patch, found, samples, rng)
     other, other_failure = _try(
@@ -114,8 +116,7 @@ def bring_together(
             return _assume(patch, near, "the scans share too little skin outside the patch")
         raise error or _not_near()
     if _shift_sd(found, patch) > LARGEST_SHIFT_SD_MM:
-        sd = f"the skin outside the patch fixes its place only to {_shift_sd(found, patch):.1f} mm"
-        return _assume(patch, near, sd)
+        return _assume(patch, near, _loose(found, patch))
     moved = found.transform.apply(patch)
     if not _near(bare.mesh, moved, thickness_mm):
         raise _not_near()
@@ -192,6 +193,10 @@ def _shift_sd(found: Registration, patch: FloatArray) -> float:
     """Rms over corners and axes of the standard deviation of the patch's place, mm."""
     at = found.transform.apply(_present(patch))
     return float(np.sqrt(np.trace(found.point_covariance_mm2(at).mean(axis=0)) / 3.0))
+
+
+def _loose(found: Registration, patch: FloatArray) -> str:
+    return f"the skin outside the patch fixes its place only to {_shift_sd(found, patch):.1f} mm"
 
 
 def _draws(
