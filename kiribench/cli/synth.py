@@ -19,7 +19,7 @@ def synth(
     subjects: str | None = None,
     random: int = 0,
     seed: int = 0,
-    edge_mm: float = 3.0,
+    edge_mm: float = 2.6,
     noise_mm: float = 0.0,
     node_noise_mm: float = 0.0,
     holes: int = 0,
@@ -41,7 +41,7 @@ def synth(
     seed
         Of all random draws.
     edge_mm
-        Edge length of the scans' triangles.
+        Edge length of the bent scans' triangles about the patella; longer elsewhere.
     noise_mm
         Standard deviation of white scan noise along the normals.
     node_noise_mm

@@ -21,8 +21,16 @@ from kiribench.synthetic.worn import Motion, PatchRelief, random_motion
 MARGIN_MM = 26.0
 """Skin scanned around the drawn grid."""
 
-LONGITUDINAL_FINENESS = 1.15
-LATERAL_FINENESS = 1.05
+REST_COARSENESS = 1.2
+"""The scan at rest, which is less curved, has edges so many times as long."""
+
+FINE_BESIDE_MM = 10.0
+FINE_LENGTH = 0.65
+"""Scans are finest over the patch's width and so much more, and over this share of its
+length: over the bend, where the skin is most curved."""
+
+LONGITUDINAL_FINENESS = 1.3
+LATERAL_FINENESS = 1.08
 """The bent skin is stretched: its scan's points are closer in material mm by these."""
 
 
@@ -31,7 +39,8 @@ class Imperfections:
     """What real scans have and the default ones have not.
 
     Attributes:
-        edge_mm: length of the scans' triangle edges within the drawn grid.
+        edge_mm: length of the bent scans' triangle edges about the patella; elsewhere they grow
+            to 1.8 times that, and at 0 degrees they are 1.2 times as long.
         noise_mm: standard deviation of the scans' vertices along the normal, white.
         node_noise_mm: standard deviation of the nodes along each surface direction.
         node_sd_mm: what the tables state as that, where node_noise_mm is 0.
@@ -40,7 +49,7 @@ class Imperfections:
         seed: of all random draws.
     """
 
-    edge_mm: float = 3.0
+    edge_mm: float = 2.6
     noise_mm: float = 0.0
     node_noise_mm: float = 0.0
     node_sd_mm: float = 0.1
@@ -181,14 +190,15 @@ def subject(
     rng = np.random.default_rng([flaws.seed, *knee.label.encode()])
     reference, flexed = knee.build.reference(), knee.build.flexed()
     grid, under = grid_nodes(layout), patch_nodes(layout)
-    fine = (float(grid[0, -1, 0]), float(grid[-1, 0, 1]))
-    extent = (fine[0] + MARGIN_MM, fine[1] + MARGIN_MM)
+    extent = (float(grid[0, -1, 0]) + MARGIN_MM, float(grid[-1, 0, 1]) + MARGIN_MM)
     relief = PatchRelief.of(knee.mismatch, under, layout.patch.thickness_mm)
     corners = relief.on_skin(under)
     motion = random_motion(rng)
 
-    edge = flaws.edge_mm
-    rest_step = (edge, edge * np.sqrt(0.75))
+    edge, rest_edge = flaws.edge_mm, REST_COARSENESS * flaws.edge_mm
+    half_u, half_v = relief.half_mm
+    fine = (float(half_u) + FINE_BESIDE_MM, FINE_LENGTH * float(half_v))
+    rest_step = (rest_edge, rest_edge * np.sqrt(0.75))
     bent_step = (edge / LATERAL_FINENESS, edge / LONGITUDINAL_FINENESS)
     flatter = (bent_step[0] * np.sqrt(0.75), bent_step[1])
     worn_step = (bent_step[0], bent_step[1] * np.sqrt(0.75))

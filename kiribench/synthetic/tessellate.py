@@ -1,7 +1,7 @@
 """Triangulated scans of a smooth surface, a different one at each pose.
 
 The parameter rectangle is covered by staggered rows of points with straight borders, finer
-within the drawn grid than on the margin, and jittered inside, so that no two scans share
+in the middle than towards the border, and jittered inside, so that no two scans share
 vertices, and no cell of the grid is cut along triangle edges.
 """
 
@@ -14,7 +14,12 @@ from numpy.typing import NDArray
 
 from kiribench.synthetic.jet import FloatArray
 
-MARGIN_COARSENING = 2.0
+COARSENING = 1.8
+"""Steps grow to so many times the middle's, outwards."""
+
+GROWTH = 1.06
+"""Ratio of neighbouring steps where they grow."""
+
 JITTER = 0.18
 
 
@@ -85,7 +90,7 @@ def _graded(half: float, fine: float, step: float) -> FloatArray:
     outer = [0.0]
     size = step
     while outer[-1] < half - fine:
-        size = min(size * 1.15, step * MARGIN_COARSENING)
+        size = min(size * GROWTH, step * COARSENING)
         outer.append(outer[-1] + size)
     margin = np.array(outer[1:]) * (half - fine) / outer[-1]
     return np.concatenate([-fine - margin[::-1], middle, fine + margin])
