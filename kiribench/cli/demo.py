@@ -34,7 +34,7 @@ def demo(*, dataset: Path | None = None, common: Common | None = None) -> Outcom
     from kiribench.cli.participants import each
     from kiribench.cli.report_files import score_settings, write_reports
     from kiribench.conformability.export import conform_rows, conform_sidecar
-    from kiribench.conformability.score import ScoreOptions, score_subject
+    from kiribench.conformability.score import ScoreOptions, input_warnings, score_subject
     from kiribench.dataset import Dataset
     from kiribench.report.truth import read_truth
     from kiribench.schema.result_tables import write_table
@@ -72,7 +72,12 @@ def demo(*, dataset: Path | None = None, common: Common | None = None) -> Outcom
             "participants": rows,
         },
         text=summary(opened, scores, rows, index),
-        faults=tuple(fault for score in scores for fault in score.warnings),
+        faults=tuple(
+            dict.fromkeys(
+                [fault for strain in strains for fault in strain.warnings]
+                + [fault for score in scores for fault in input_warnings(score)]
+            )
+        ),
         inputs=(*opened.files, *(path for subject in subjects for path in subject.files)),
     )
 

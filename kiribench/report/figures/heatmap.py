@@ -123,7 +123,7 @@ def _scale(
     top = sheet.rows + 28 * unit
     left, right = 0.5, sheet.columns - 0.5
     height = 9 * unit
-    steps = 48
+    steps = 120
     for step in range(steps):
         x = left + (right - left) * step / steps
         axes.add_patch(

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 WIDTH = 460.0
+HEADROOM = 18.0
 LIGHT = np.array([-0.35, 0.5, 0.8]) / np.linalg.norm([-0.35, 0.5, 0.8])
 
 
@@ -41,8 +42,8 @@ def surface_view(
     height = float(np.clip(WIDTH * span[1] / span[0], 200, 640))
     scale = max(span[0] / WIDTH, span[1] / height) * 1.02
     with drawing():
-        figure = canvas(WIDTH, height)
-        axes = figure.add_axes((0, 0, 1, 1))
+        figure = canvas(WIDTH, height + HEADROOM)
+        axes = figure.add_axes((0, 0, 1, height / (height + HEADROOM)))
         axes.set_axis_off()
         axes.set_xlim(middle[0] - scale * WIDTH / 2, middle[0] + scale * WIDTH / 2)
         axes.set_ylim(middle[1] - scale * height / 2, middle[1] + scale * height / 2)
@@ -51,7 +52,7 @@ def surface_view(
             if grades[row, column]:
                 _cell(axes, skin_mm[row, column], patch_mm[row, column], str(grades[row, column]))
         axes.text(
-            0.5, 0.995, "proximal ↑", transform=axes.transAxes, ha="center", va="top",
+            0.5, 1.005, "proximal ↑", transform=axes.transAxes, ha="center", va="bottom",
             fontsize=10, color=QUIET,
         )  # fmt: skip
         return inline_svg(figure, name, alt)

@@ -108,7 +108,7 @@ def _region_table(score: Conformability, *, knee: bool) -> Html:
         caption="Regions. The interval comes from the uncertainty of the nodes and of the "
         "registration; the last column is the mean overlap.",
         numeric=(1, 2, 3, 4, 5, 6, 7),
-        class_="last-strong",
+        class_="last-strong wide-head",
     )
 
 

@@ -191,5 +191,6 @@ def _summary(score: Conformability) -> Html | None:
             caption=f"Causes over the {int(wanting.sum())} cells that are not good: number of "
             "cells in which it costs most, and the overlap that it alone costs.",
             numeric=(1, 2, 3),
+            class_="wide-head",
         ),
     )
