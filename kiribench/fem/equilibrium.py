@@ -17,6 +17,8 @@ _SMALLEST_STEP = 1.0 / 256
 _MOST_ITERATIONS = 40
 _STALE_BELOW = 1e-4
 """Below this energy error (of the stored energy) the last factorisation is used again."""
+_SHORT = 0.2
+"""A line search that cuts a Newton step below this part makes the tangent positive instead."""
 
 
 class System(Protocol):
@@ -96,19 +98,23 @@ class _Newton:
             if error < self.tolerance and slope <= 0:
                 return x + move
             length, found = self._search(x, move, energy, slope, error)
-            if length == 0.0:
-                # Not downhill: the tangent has a negative direction. Its positive part has not.
+            if length < _SHORT:
+                # The tangent has a negative direction here; its positive part points downhill,
+                # too timidly where the sheet snaps, so that step may also be lengthened.
                 self._linearise(x, True)
-                move = -self.expand(system.solve(residual))
-                slope = float(residual @ system.reduce(move))
-                error = abs(slope) / max(energy, 1e-300)
-                length, found = self._search(x, move, energy, slope, error)
-                projected = length < 1.0
+                other = -self.expand(system.solve(residual))
+                slope = float(residual @ system.reduce(other))
+                far, lower = self._search(x, other, energy, slope, error)
+                far, lower = self._lengthen(x, other, far, lower)
+                if far > 0.0 and (length == 0.0 or lower < found):
+                    move, length, found = other, far, lower
+                    projected = far > 1.0
+                error = max(error, abs(slope) / max(energy, 1e-300))
             if length == 0.0:
                 self.reason = "the line search found no lower energy"
                 return None
             x, energy = x + length * move, found
-            reuse = length == 1.0 and not projected and error < 0.01 * error_before
+            reuse = length == 1.0 and error < 0.01 * error_before
         self.reason = f"no convergence in {_MOST_ITERATIONS} iterations"
         return None
 
@@ -130,6 +136,17 @@ class _Newton:
                 return length, found
             length *= 0.5
         return 0.0, energy
+
+    def _lengthen(
+        self, x: FloatArray, move: FloatArray, length: float, energy: float
+    ) -> tuple[float, float]:
+        """The step doubled as long as that lowers the energy, at most to 64 times."""
+        while 1.0 <= length < 64.0:
+            further = self.system.energy(x + 2 * length * move)
+            if not further < energy:
+                break
+            length, energy = 2 * length, further
+        return length, energy
 
 
 @dataclass
