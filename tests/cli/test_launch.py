@@ -51,7 +51,7 @@ def run(monkeypatch, capsys, tmp_path):
     probe.__module__ = module.__name__
     module.probe = probe
     monkeypatch.setitem(sys.modules, module.__name__, module)
-    monkeypatch.setattr(launch, "COMMANDS", ("probe",))
+    monkeypatch.setattr(launch, "COMMANDS", {"probe": "Probe the launcher."})
     monkeypatch.chdir(tmp_path)
 
     def call(*tokens: str) -> tuple[int, str, str]:
