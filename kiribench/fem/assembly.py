@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import inf, isfinite
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -66,7 +67,7 @@ def quadrature(points_mm: FloatArray, triangles: IntArray) -> Quadrature:
     return Quadrature(np.ascontiguousarray(gradients), np.abs(determinant) * _WEIGHTS)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def total_energy(
     x: FloatArray,
     triangles: IntArray,
@@ -93,7 +94,7 @@ def total_energy(
     return total
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def forces_and_stiffness(
     x: FloatArray,
     triangles: IntArray,
@@ -157,6 +158,36 @@ def forces_and_stiffness(
                         values[at] += local[i, j]
 
 
+class Factor(Protocol):
+    """A factorised matrix."""
+
+    def solve(self, right: FloatArray) -> FloatArray:
+        """The solution of the linear equations."""
+
+
+class _Singular:
+    """What is left of a matrix without an inverse."""
+
+    def solve(self, right: FloatArray) -> FloatArray:
+        return np.full(len(right), np.nan)
+
+
+def factorise(matrix: csc_array) -> Factor:
+    """SuperLU in its symmetric mode; NaN solutions where the matrix is singular."""
+    if not np.isfinite(matrix.data).all():
+        return _Singular()
+    try:
+        factor: Factor = splu(
+            matrix,
+            permc_spec="MMD_AT_PLUS_A",
+            diag_pivot_thresh=0.0,
+            options={"SymmetricMode": True},
+        )
+    except RuntimeError:  # SuperLU's "Factor is exactly singular"
+        return _Singular()
+    return factor
+
+
 class AssembledSystem:
     """The equations of a mesh as one sparse matrix, factorised by SuperLU.
 
@@ -187,6 +218,7 @@ class AssembledSystem:
         self._indices = (code % self.size).astype(np.int32)
         self._pointers = np.searchsorted(code // self.size, np.arange(self.size + 1))
         self._values = np.zeros(len(code))
+        self._factor: Factor
         self.area_mm2 = float(self._quadrature.areas_mm2.sum())
 
     def energy(self, x: FloatArray) -> float:
@@ -235,12 +267,7 @@ class AssembledSystem:
         matrix = csc_array(
             (self._values, self._indices, self._pointers), shape=(self.size, self.size)
         )
-        self._factor = splu(
-            matrix,
-            permc_spec="MMD_AT_PLUS_A",
-            diag_pivot_thresh=0.0,
-            options={"SymmetricMode": True},
-        )
+        self._factor = factorise(matrix)
         return self.reduce(force)
 
     def solve(self, residual: FloatArray) -> FloatArray:

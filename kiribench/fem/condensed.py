@@ -18,9 +18,8 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 from scipy.sparse import csc_array
-from scipy.sparse.linalg import splu
 
-from kiribench.fem.assembly import quadrature, total_energy
+from kiribench.fem.assembly import Factor, factorise, quadrature, total_energy
 from kiribench.fem.facet import FacetMesh
 from kiribench.fem.material import Material, response
 from kiribench.fem.mesh import FacetBlock, SheetMesh
@@ -134,7 +133,7 @@ def plan_elimination(template: FacetMesh) -> Elimination:
     )
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _neo_hookean_lanes(f: FloatArray, mu: float, out: FloatArray, inv: FloatArray) -> None:
     """``material.response`` for neo-Hookean, lane by lane: f (4, L) to out (14, L)."""
     j3, j4 = inv[0], inv[1]
@@ -172,7 +171,7 @@ def _neo_hookean_lanes(f: FloatArray, mu: float, out: FloatArray, inv: FloatArra
         out[13, s] = mu + j4[s] * f[0, s] * f[0, s]
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _assemble_batch(
     x: FloatArray,
     triangles: IntArray,
@@ -256,7 +255,7 @@ def _assemble_batch(
                         blocks[at, 3, s] += t[6, s] * h0 + t[7, s] * h1
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _eliminate(
     blocks: FloatArray,
     start: IntArray,
@@ -306,7 +305,7 @@ def _eliminate(
             b[:] = low
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _gather(values: FloatArray, nodes: IntArray, sign: FloatArray, batch: FloatArray) -> None:
     """Nodal vectors (n, 2) of one batch of facets (L, t), mirrored back: batch (t, 2, L)."""
     for s in range(LANES):
@@ -315,7 +314,7 @@ def _gather(values: FloatArray, nodes: IntArray, sign: FloatArray, batch: FloatA
             batch[node, 1, s] = values[nodes[s, node], 1]
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def linearise_block(
     x: FloatArray,
     nodes: IntArray,
@@ -402,7 +401,7 @@ def linearise_block(
                             values[where] += value
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def reduce_block(
     residual: FloatArray,
     nodes: IntArray,
@@ -441,7 +440,7 @@ def reduce_block(
                 condensed[nodes[first + s, node], 1] += r[node, 1, s]
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def expand_block(
     nodes: IntArray,
     sign: FloatArray,
@@ -550,6 +549,7 @@ class CondensedSystem:
         numbers[free] = np.arange(free.sum())
         self._global[self._kept_nodes] = numbers
         self.condensed_size = int(free.sum())
+        self._factor: Factor
         self._plan_condensed()
         self.area_mm2 = float(sum(block.facets * block.areas.sum() for block in self._blocks))
 
@@ -643,12 +643,7 @@ class CondensedSystem:
             (self._values, self._indices, self._pointers),
             shape=(self.condensed_size, self.condensed_size),
         )
-        self._factor = splu(
-            matrix,
-            permc_spec="MMD_AT_PLUS_A",
-            diag_pivot_thresh=0.0,
-            options={"SymmetricMode": True},
-        )
+        self._factor = factorise(matrix)
         return self.reduce(force)
 
     def solve(self, residual: FloatArray) -> FloatArray:
@@ -696,7 +691,7 @@ class CondensedSystem:
         return self.reduce(solution)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _block_energy(
     x: FloatArray,
     nodes: IntArray,

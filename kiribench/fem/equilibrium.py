@@ -93,6 +93,9 @@ class _Newton:
                 residual = self._linearise(x, projected)
                 projected = False
             move = -self.expand(system.solve(residual))
+            if not np.isfinite(move).all():
+                self.reason = "the tangent is singular"
+                return None
             slope = float(residual @ system.reduce(move))
             error_before, error = error, abs(slope) / max(energy, 1e-300)
             if error < self.tolerance and slope <= 0:
@@ -126,7 +129,7 @@ class _Newton:
         self, x: FloatArray, move: FloatArray, energy: float, slope: float, error: float
     ) -> tuple[float, float]:
         """Part of the step that lowers the energy enough, and that energy; 0 if none does."""
-        if slope > 0:
+        if not slope <= 0:
             return 0.0, energy
         length = 1.0
         while length > 1e-3:

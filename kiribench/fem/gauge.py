@@ -92,7 +92,7 @@ class FacePairs:
         return float(max(one, two))
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _deepest(
     x: FloatArray,
     probes: IntArray,

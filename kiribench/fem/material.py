@@ -135,7 +135,7 @@ def fit_ogden(strain: FloatArray, stress_mpa: FloatArray, largest_strain: float)
     return Fit(best, largest_strain, misfit, int(used.sum()))
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True, inline="always", error_model="numpy")
 def energy_density(a: float, b: float, c: float, d: float, mu: float, alpha: float) -> float:
     """W (MPa) of the deformation gradient [[a, b], [c, d]]; infinite where it is not a map."""
     det = a * d - b * c
@@ -150,7 +150,7 @@ def energy_density(a: float, b: float, c: float, d: float, mu: float, alpha: flo
     return 2.0 * mu / (alpha * alpha) * (l1**alpha + l2**alpha + det**-alpha - 3.0)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def ogden_response(
     a: float,
     b: float,
@@ -230,7 +230,7 @@ def ogden_response(
             at += 1
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def response(
     a: float,
     b: float,
