@@ -250,7 +250,8 @@ class AssembledSystem:
     def reduce(self, force: FloatArray) -> FloatArray:
         """(size,) residual of the free equations from nodal forces (n, 2)."""
         free = self.equation >= 0
-        return np.bincount(self.equation[free], force[free], minlength=self.size)
+        total = np.bincount(self.equation[free], force[free], minlength=self.size)
+        return total.astype(np.float64)
 
     def stiffness(self, x: FloatArray) -> csc_array:
         """(size, size) tangent stiffness of the free equations, N/mm per mm."""

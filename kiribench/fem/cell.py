@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import fields, replace
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
@@ -136,8 +137,6 @@ def _follow(
 
     recorder = Recorder(len(stretches), system.size)
     for stretch in stretches:
-        if not recorder.record(
-            stepper.advance(float(stretch) - 1), lambda x, at=float(stretch): read(at, x)
-        ):
+        if not recorder.record(stepper.advance(float(stretch) - 1), partial(read, float(stretch))):
             break
     return recorder.path()

@@ -139,7 +139,7 @@ def _size(
         return np.full(len(points), spec.longest)
     distance = np.linalg.norm(points[:, None] - tips[None], axis=2)
     graded = tip_edges + spec.growth * np.maximum(distance - tip_edges, 0)
-    return np.minimum(spec.longest, graded.min(axis=1))
+    return np.asarray(np.minimum(spec.longest, graded.min(axis=1)))
 
 
 def _divide(length: float, sizes: FloatArray, grid: FloatArray, slack: float) -> FloatArray:
@@ -231,7 +231,7 @@ def _fill(
     if len(grid):
         from scipy.spatial import cKDTree
 
-        gaps = cKDTree(placed[:used]).query(grid)[0]
+        gaps = np.asarray(cKDTree(placed[:used]).query(grid)[0])
         while True:
             worst = int(np.argmax(gaps / wanted))
             if gaps[worst] < 0.85 * wanted[worst]:

@@ -147,7 +147,8 @@ def energy_density(a: float, b: float, c: float, d: float, mu: float, alpha: flo
     half = 0.5 * hypot(a - d, c + b)
     l1 = mean + half
     l2 = det / l1
-    return 2.0 * mu / (alpha * alpha) * (l1**alpha + l2**alpha + det**-alpha - 3.0)
+    powers: float = l1**alpha + l2**alpha + det**-alpha
+    return 2.0 * mu / (alpha * alpha) * (powers - 3.0)
 
 
 @njit(cache=True, error_model="numpy")

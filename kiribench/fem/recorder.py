@@ -59,8 +59,14 @@ class Recorder:
 
     def path(self) -> LoadPath:
         """The load path so far; the mesh error is not known yet."""
+        columns = self._columns
         return LoadPath(
-            **self._columns,
+            displacement_mm=columns["displacement_mm"],
+            longitudinal_stretch=columns["longitudinal_stretch"],
+            lateral_stretch=columns["lateral_stretch"],
+            nominal_stress_mpa=columns["nominal_stress_mpa"],
+            energy_mpa=columns["energy_mpa"],
+            face_overlap_mm=columns["face_overlap_mm"],
             newton_iterations=self._iterations,
             status=tuple(self._status),
             mesh_error_poisson=np.full(len(self._status), np.nan),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
@@ -82,9 +83,18 @@ def simulate_sheet(
     same = finer = None
     if estimate_error:
         gauge = path.longitudinal_stretch[path.converged]
-        cell = {"cell_mm": specimen.cell_mm, "material": law, "estimate_error": False}
-        same = simulate_cell(a, b, gauge, mesh=spec, **cell)
-        finer = simulate_cell(a, b, gauge, mesh=spec.scaled(0.4), **cell)
+        same, finer = (
+            simulate_cell(
+                a,
+                b,
+                gauge,
+                cell_mm=specimen.cell_mm,
+                mesh=facet_mesh,
+                material=law,
+                estimate_error=False,
+            )
+            for facet_mesh in (spec, spec.scaled(0.4))
+        )
     return with_mesh_error(path, same, finer, time.process_time() - began)
 
 
@@ -102,7 +112,12 @@ def quarter_mesh(a: float, b: float, sheet: SheetSpec, spec: MeshSpec) -> SheetM
     y = half * np.arange(sheet.rows + 1)
     band = y[-1] + sheet.grip_mm * np.arange(1, bands + 1) / max(bands, 1)
     return mesh_sheet(
-        FacetGrid(cuts, mirrored, half * np.arange(sheet.columns + 1), np.concatenate([y, band])),
+        FacetGrid(
+            cuts,
+            mirrored,
+            half * np.arange(sheet.columns + 1, dtype=np.float64),
+            np.concatenate([y, band]),
+        ),
         spec,
     )
 
@@ -156,6 +171,6 @@ def _follow(
     recorder = Recorder(len(displacements), system.size)
     for displacement in displacements:
         at = float(displacement)
-        if not recorder.record(stepper.advance(at / 2), lambda x, at=at: read(at, x)):
+        if not recorder.record(stepper.advance(at / 2), partial(read, at)):
             break
     return recorder.path()
