@@ -165,10 +165,6 @@ class ExactGP(RegressorMixin, BaseEstimator):  # type: ignore[misc]
                 np.array(start.warp) if start.warp else first.warp,
                 start.noise_ratio if form.free_noise else first.noise_ratio,
             )
-        elif inputs == "none":
-            first = replace(
-                first, length_scales=first.length_scales * float(np.ptp(X, axis=0).max())
-            )
         unscaled = Hyperparameters(
             tuple(low.tolist()), tuple(span.tolist()), mean, scale, (), (), 1.0, 1.0
         )
@@ -196,6 +192,17 @@ class ExactGP(RegressorMixin, BaseEstimator):  # type: ignore[misc]
                 first = near.parameters
         best = _maximise(form, objective, first, rows, self.max_evaluations)
         self.evaluations_ = best.evaluations
+        if inputs == "none" and start is None:
+            # One length scale over inputs of different units has several optima: also
+            # start from the widest input's range, and keep the likelier.
+            wide = replace(
+                likelihood.start_parameters(form),
+                length_scales=0.5 * np.ptp(X, axis=0).max(keepdims=True),
+            )
+            other = _maximise(form, objective, wide, rows, self.max_evaluations)
+            self.evaluations_ += other.evaluations
+            if other.negative_log_likelihood < best.negative_log_likelihood:
+                best = other
         return replace(
             unscaled,
             length_scales=tuple(best.parameters.length_scales.tolist()),

@@ -113,16 +113,17 @@ class PaperGP(ExactGP):
         inputs = torch.as_tensor(unscaled.scale_inputs(X), device=place)
         values = torch.as_tensor(unscaled.scale_targets(y), device=place)
         if start is not None:
-            first = (start.length_scales[0], start.noise_ratio)
-        else:
-            widest = 1.0 if self.input_scaling == "range" else float(np.ptp(X, axis=0).max())
-            first = (0.5 * widest, 1e-4)
-        (length, signal, ratio), self.evaluations_ = maximise_in_gpytorch(
-            inputs, values, first, self.max_evaluations
-        )
+            starts = [(start.length_scales[0], start.noise_ratio)]
+        elif self.input_scaling == "range":
+            starts = [(0.5, 1e-4)]
+        else:  # several optima: see ExactGP
+            starts = [(0.5, 1e-4), (0.5 * float(np.ptp(X, axis=0).max()), 1e-4)]
+        found = [maximise_in_gpytorch(inputs, values, x, self.max_evaluations) for x in starts]
+        best = min(found, key=lambda one: one.negative_log_likelihood)
+        self.evaluations_ = sum(one.evaluations for one in found)
         return replace(
             unscaled,
-            length_scales=(length,),
-            signal_variance=signal,
-            noise_ratio=ratio,
+            length_scales=(best.length_scale,),
+            signal_variance=best.signal_variance,
+            noise_ratio=best.noise_ratio,
         )

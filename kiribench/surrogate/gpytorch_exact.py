@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,17 @@ from kiribench.surrogate.likelihood import LENGTH_BOUNDS, MOST_NOISE
 
 Tensor = torch.Tensor
 FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class GPyTorchMaximum:
+    """The end of a search, in scaled units."""
+
+    length_scale: float
+    signal_variance: float
+    noise_ratio: float
+    negative_log_likelihood: float
+    evaluations: int
 
 
 class GPyTorchModel(gpytorch.models.ExactGP):  # type: ignore[misc]
@@ -86,8 +98,8 @@ def profiled_objective(model: GPyTorchModel, values: Tensor) -> tuple[float, Flo
 
 def maximise_in_gpytorch(
     inputs: Tensor, values: Tensor, start: tuple[float, float], limit: int
-) -> tuple[tuple[float, float, float], int]:
-    """Length scale, signal variance and noise ratio of maximum likelihood, and the evaluations.
+) -> GPyTorchMaximum:
+    """Length scale, signal variance and noise ratio of maximum likelihood.
 
     Args:
         inputs: (n, d) scaled.
@@ -116,8 +128,13 @@ def maximise_in_gpytorch(
     )
     best = np.asarray(result.x)
     evaluate(best)
-    signal = profiled_objective(model, values)[2]
-    return (float(np.exp(best[0])), signal, float(np.exp(best[1]))), int(result.nfev)
+    return GPyTorchMaximum(
+        length_scale=float(np.exp(best[0])),
+        signal_variance=profiled_objective(model, values)[2],
+        noise_ratio=float(np.exp(best[1])),
+        negative_log_likelihood=float(result.fun) * len(values),
+        evaluations=int(result.nfev),
+    )
 
 
 def _positive() -> Any:

@@ -204,7 +204,8 @@ _ROWS = (
     ModelSpec(
         name="gp:paper",
         title="GP (equations to the letter)",
-        description="The same kernel on the columns as the table has them, zero mean.",
+        description="The same kernel on the columns as the table has them, zero mean; the "
+        "likelier of two optima.",
         has_uncertainty=True,
         is_gp=True,
         in_paper=True,

@@ -10,7 +10,7 @@ chosen greedily by conditional variance (Burt et al. 2020, arXiv 2008.00323).
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal, overload
 
 import numpy as np
@@ -166,12 +166,38 @@ class SparseVariationalGP(RegressorMixin, BaseEstimator):  # type: ignore[misc]
         inputs = torch.as_tensor(learnt.scale_inputs(X[some]), device=place)
         values = torch.as_tensor(learnt.scale_targets(y[some]), device=place)
         self.evaluations_ = 0
+        if self.hyperparameters is None:
+            learnt = self._best_start(learnt, inputs, values)
         # The best inducing points depend on the length scales: choose, learn, choose again.
         for _ in range(2):
             points = self._points(learnt, inputs)
             learnt, used = _maximise(learnt, points, inputs, values, self.max_evaluations // 2)
             self.evaluations_ += used
         return learnt
+
+    def _best_start(
+        self, learnt: Hyperparameters, inputs: Tensor, values: Tensor
+    ) -> Hyperparameters:
+        # From a poor start the bound runs to the optimum where everything is noise.
+        starts = [
+            replace(
+                learnt,
+                length_scales=tuple(factor * scale for scale in learnt.length_scales),
+                noise_ratio=ratio,
+            )
+            for factor in (0.5, 1.0, 2.0, 4.0)
+            for ratio in (1e-3, 1e-1)
+        ]
+
+        def bound_at(start: Hyperparameters) -> float:
+            numbers = (start.length_scales, start.signal_variance, start.noise_ratio)
+            free = [torch.as_tensor(x, dtype=inputs.dtype, device=inputs.device) for x in numbers]
+            with torch.no_grad():
+                points = self._points(start, inputs)
+                return float(bound(free[0], free[1], free[1] * free[2], points, inputs, values))
+
+        self.evaluations_ += len(starts)
+        return max(starts, key=bound_at)
 
     def _points(self, learnt: Hyperparameters, inputs: Tensor) -> Tensor:
         if self.inducing_points is not None:
@@ -346,7 +372,7 @@ def _start(X: FloatArray, y: FloatArray) -> Hyperparameters:
         tuple(span.tolist()),
         mean,
         scale,
-        # Many inputs make rows far apart; too short a start ends where all is noise.
+        # Many inputs make rows far apart.
         (0.5 * float(np.sqrt(X.shape[1])),) * X.shape[1],
         (),
         1.0,
