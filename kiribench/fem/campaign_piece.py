@@ -1,0 +1,187 @@
+"""One design of a campaign: simulated by a worker, kept in a file of its own.
+
+What travels between processes and machines is a plain JSON object, and so is the file.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from kiribench.errors import KiribenchError
+from kiribench.fem.campaign_settings import CampaignSettings, Design
+from kiribench.fem.cell import simulate_cell
+from kiribench.fem.loadpath import LoadPath
+from kiribench.fem.sheet import simulate_sheet
+from kiribench.schema.design_space_table import write_whole
+
+NUMBERS = (
+    "displacement_mm",
+    "longitudinal_stretch",
+    "lateral_stretch",
+    "nominal_stress_mpa",
+    "energy_mpa",
+    "face_overlap_mm",
+    "mesh_error_poisson",
+)
+
+
+@dataclass(frozen=True)
+class Piece:
+    """The result of one design.
+
+    Attributes:
+        design: the cut lengths.
+        fingerprint: of the settings that it was computed with.
+        columns: name -> one number a step; NaN where there is none.
+        status: one a step: ``ok``, ``not-converged``, ``not-reached`` or ``failed``.
+        reason: why not every step is ok, or None.
+        newton_iterations: spent in all.
+        degrees_of_freedom: unknowns of the model.
+        cpu_seconds: processor time.
+    """
+
+    design: Design
+    fingerprint: str
+    columns: dict[str, tuple[float, ...]]
+    status: tuple[str, ...]
+    reason: str | None
+    newton_iterations: int
+    degrees_of_freedom: int
+    cpu_seconds: float
+
+    @property
+    def crashed(self) -> bool:
+        """The solver raised an error: no answer, and worth another attempt."""
+        return "failed" in self.status
+
+    def as_dict(self) -> dict[str, Any]:
+        """As a JSON object; numbers are exact, NaN is null."""
+        return {
+            "schema": "kiribench.design/1",
+            "a_percent": self.design.a_percent,
+            "b_percent": self.design.b_percent,
+            "fingerprint": self.fingerprint,
+            "columns": {
+                name: [None if np.isnan(value) else value for value in values]
+                for name, values in self.columns.items()
+            },
+            "status": list(self.status),
+            "reason": self.reason,
+            "newton_iterations": self.newton_iterations,
+            "degrees_of_freedom": self.degrees_of_freedom,
+            "cpu_seconds": self.cpu_seconds,
+        }
+
+    @classmethod
+    def from_dict(cls, content: dict[str, Any]) -> Piece:
+        """The inverse of :meth:`as_dict`; KeyError, TypeError or ValueError where it is none."""
+        columns = {
+            name: tuple(
+                np.nan if value is None else float(value) for value in content["columns"][name]
+            )
+            for name in NUMBERS
+        }
+        status = tuple(str(value) for value in content["status"])
+        if any(len(values) != len(status) for values in columns.values()):
+            raise ValueError("columns of unequal length")
+        return cls(
+            design=Design(float(content["a_percent"]), float(content["b_percent"])),
+            fingerprint=str(content["fingerprint"]),
+            columns=columns,
+            status=status,
+            reason=content["reason"],
+            newton_iterations=int(content["newton_iterations"]),
+            degrees_of_freedom=int(content["degrees_of_freedom"]),
+            cpu_seconds=float(content["cpu_seconds"]),
+        )
+
+
+def simulate_design(settings: CampaignSettings, design: Design) -> dict[str, Any]:
+    """Simulate one design; the task of a worker, here or on another machine.
+
+    A design without an answer is a result too: its reason is kept, and nothing is raised for
+    failures of the numerical kind.
+
+    Returns:
+        ``Piece.as_dict()``.
+    """
+    a, b = design.a_percent / 100, design.b_percent / 100
+    steps = np.array(settings.steps)
+    try:
+        if settings.model == "sheet":
+            path = simulate_sheet(
+                a,
+                b,
+                steps,
+                sheet=settings.specimen,
+                mesh=settings.mesh,
+                material=settings.material,
+            )
+        else:
+            path = simulate_cell(
+                a,
+                b,
+                steps,
+                cell_mm=settings.specimen.cell_mm,
+                mesh=settings.mesh,
+                material=settings.material,
+            )
+    except (KiribenchError, ArithmeticError, RuntimeError, ValueError, MemoryError) as error:
+        return _failed(settings, design, error).as_dict()
+    return _piece(settings, design, path).as_dict()
+
+
+def _piece(settings: CampaignSettings, design: Design, path: LoadPath) -> Piece:
+    return Piece(
+        design=design,
+        fingerprint=settings.fingerprint,
+        columns={name: tuple(getattr(path, name).tolist()) for name in NUMBERS},
+        status=path.status,
+        reason=path.reason,
+        newton_iterations=int(path.newton_iterations.sum()),
+        degrees_of_freedom=path.degrees_of_freedom,
+        cpu_seconds=path.cpu_seconds,
+    )
+
+
+def _failed(settings: CampaignSettings, design: Design, error: Exception) -> Piece:
+    count = len(settings.steps)
+    return Piece(
+        design=design,
+        fingerprint=settings.fingerprint,
+        columns={name: (np.nan,) * count for name in NUMBERS},
+        status=("failed",) * count,
+        reason=f"{type(error).__name__}: {error}",
+        newton_iterations=0,
+        degrees_of_freedom=0,
+        cpu_seconds=0.0,
+    )
+
+
+def piece_path(folder: Path, design: Design) -> Path:
+    """Where the result of a design is kept."""
+    return folder / f"{design.name}.json"
+
+
+def write_piece(folder: Path, piece: Piece) -> Path:
+    """Write one result, whole or not at all."""
+    path = piece_path(folder, piece.design)
+    write_whole(path, json.dumps(piece.as_dict(), allow_nan=False) + "\n")
+    return path
+
+
+def read_piece(folder: Path, design: Design) -> Piece | None:
+    """The kept result of a design; None where there is none that can be read."""
+    path = piece_path(folder, design)
+    try:
+        piece = Piece.from_dict(json.loads(path.read_text(encoding="utf-8")))
+    except FileNotFoundError:
+        return None
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+    return piece if piece.design == design else None
