@@ -201,3 +201,39 @@ of the points themselves after the best rigid motion is 0.013 to 0.014 mm (SOURC
 FRAME_MM = 0.02
 """mm: registration of a bumpy limb of 1.5 mm facets, whose chords stand 0.006 mm off; 0.3 mm
 would change grades, 0.02 mm changes an overlap by .0027 at most."""
+
+CURVATURE = 0.03
+"""Fraction of 1 / R^2: the series for the curvature ends after its first term."""
+
+FLAT_AREA = 0.002
+"""Fraction of a cell's area on a sphere of radius 25 mm or more; .0016 was found, of which
+chords of 0.8 mm triangles make .0003. Without the equal-area correction it would be .01."""
+
+# Lattice and finite elements
+
+LATTICE_LENGTH_MM = 1e-9
+"""mm. Closed-form gaps and lengths against shapely: rounding of coordinates of 100 mm."""
+
+PATCH_TEST = 1e-10
+"""Fraction. A homogeneous state is in the space of every mesh: rounding and the solver's end."""
+
+TANGENT_DIFFERENCE = 1e-7
+"""Fraction of the largest entry. Central differences of forces with steps of 1e-6 mm."""
+
+CONDENSED_SOLUTION = 1e-9
+"""Fraction. Facet-wise elimination against SuperLU on the whole matrix: conditioning only."""
+
+ENERGY_WORK = 2e-5
+"""Fraction. Energy against the work of the reaction by Simpson's rule over 40 steps."""
+
+POISSON_MESH = 0.01
+"""Poisson's ratio. The mesh error promised for every design at the default meshes."""
+
+POISSON_CALCULIX = 0.005
+"""Poisson's ratio (engineering). Mesh of the witness (quads of .25 mm) and K/mu = 100."""
+
+POISSON_CALCULIX_SAME_MESH = 0.002
+"""Poisson's ratio (engineering). The same nodes and elements; K/mu = 500, printed digits."""
+
+POISSON_PAPER = 0.02
+"""Poisson's ratio (log). The paper prints two digits of an unconverged mesh of 0.5 mm."""

@@ -71,6 +71,12 @@ class Campaign:
         )
 
     @property
+    def largest_mesh_error(self) -> float | None:
+        """Largest estimated mesh error of Poisson's ratio (log); None if there is none."""
+        errors = np.concatenate([piece.columns["mesh_error_poisson"] for piece in self.pieces])
+        return float(np.nanmax(errors)) if np.isfinite(errors).any() else None
+
+    @property
     def cpu_seconds(self) -> float:
         """Processor time of all designs, whenever they were computed."""
         return float(sum(piece.cpu_seconds for piece in self.pieces))

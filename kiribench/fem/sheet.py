@@ -122,7 +122,7 @@ def quarter_mesh(a: float, b: float, sheet: SheetSpec, spec: MeshSpec) -> SheetM
     )
 
 
-def _equations(mesh: SheetMesh) -> tuple[IntArray, FloatArray, IntArray]:
+def quarter_equations(mesh: SheetMesh) -> tuple[IntArray, FloatArray, IntArray]:
     """Equations (n, 2), displacement (n, 2) per mm of the held end, and its nodes."""
     equation = np.zeros(mesh.points_mm.shape, dtype=np.int64)
     equation[mesh.boundary_nodes("left", ligaments_only=True), 0] = -1
@@ -145,7 +145,7 @@ def _follow(
     law: Material,
 ) -> LoadPath:
     mesh = quarter_mesh(a, b, sheet, spec)
-    equation, pattern, held = _equations(mesh)
+    equation, pattern, held = quarter_equations(mesh)
     system = CondensedSystem(mesh, equation, law)
     stepper = LoadStepper(system, pattern)
     pairs = FacePairs.of(mesh)
