@@ -73,8 +73,8 @@ def signed_area(corners: FloatArray) -> FloatArray:
     """Area of the mid-line parallelogram, which is the area of the quad, with its sign.
 
     Args:
-        corners: (..., 4, 2); positive where lateral is to the right of distal reversed,
-            that is where (longitudinal, lateral) mid-lines turn counter-clockwise.
+        corners: (..., 4, 2); positive where the turn from the longitudinal to the lateral
+            mid-line is counter-clockwise.
     """
     along, across = mid_lines(corners)
     return np.asarray(along[..., 0] * across[..., 1] - along[..., 1] * across[..., 0])

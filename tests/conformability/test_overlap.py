@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from tolerances import CLIPPED_AREA_MM2, LINEAR_ALGEBRA
 
@@ -45,6 +45,7 @@ corner = st.tuples(st.floats(-3.0, 3.0), st.floats(-3.0, 3.0))
 moved = st.lists(corner, min_size=4, max_size=4).map(lambda c: CELL + np.array(c))
 
 
+@settings(deadline=None)
 @given(moved, moved, st.booleans(), st.integers(0, 3))
 def test_clipper_agrees_with_shapely(
     skin: np.ndarray, patch: np.ndarray, reverse: bool, start: int

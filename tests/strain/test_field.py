@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tolerances import LINEAR_ALGEBRA
+from tolerances import FIRST_ORDER_SD, LINEAR_ALGEBRA
 
 from kiribench.errors import UsageError
 from kiribench.strain.export import COLUMNS, strain_object, strain_rows
 from kiribench.strain.field import Pose, strain_field
+from kiribench.strain.uncertainty import cell_quantities
 
 NODES = 15.0 * np.stack(np.meshgrid(np.arange(4.0), np.arange(3.0), indexing="ij"), axis=-1)
 
@@ -131,3 +132,19 @@ def test_rows_have_the_documented_columns_and_no_nan() -> None:
 def test_unknown_measure_is_refused() -> None:
     with pytest.raises(UsageError):
         strain_field("X", flat_pose(NODES), flat_pose(NODES), strain_measure="true")
+
+
+def test_the_ratios_uncertainty_agrees_with_monte_carlo() -> None:
+    # A lopsided cell: in a parallelogram the errors of the two strains are not correlated.
+    rng = np.random.default_rng(8)
+    sd_mm, draws = 0.05, 100_000
+    nodes = np.array([[[0.0, 0.0], [0.0, 15.0]], [[15.0, 9.0], [12.0, 13.0]]])
+    deformed = np.array([[[0.0, 0.0], [1.0, 17.0]], [[20.0, 11.0], [14.0, 15.0]]])
+    field = strain_field("X", flat_pose(nodes, sd_mm=sd_mm), flat_pose(deformed, sd_mm=sd_mm))
+    order = ([0, 0, 1, 1], [0, 1, 1, 0])
+    stretches = cell_quantities(
+        nodes[order] + sd_mm * rng.normal(size=(draws, 4, 2)),
+        deformed[order] + sd_mm * rng.normal(size=(draws, 4, 2)),
+    )
+    ratio = -np.log(stretches[:, 1]) / np.log(stretches[:, 0])
+    assert float(field.poisson_ratio.sd[0, 0]) == pytest.approx(ratio.std(), rel=FIRST_ORDER_SD)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.linalg import logm, polar
 from tolerances import LINEAR_ALGEBRA
@@ -65,6 +65,7 @@ def test_pure_stretch_along_the_fibres() -> None:
     np.testing.assert_allclose(parts.hencky, [np.log(1.25), np.log(0.9), 0.0], atol=LINEAR_ALGEBRA)
 
 
+@settings(deadline=None)
 @given(matrices)
 def test_decomposition_agrees_with_scipy(matrix: np.ndarray) -> None:
     parts = decompose(matrix)
@@ -83,6 +84,7 @@ def test_decomposition_agrees_with_scipy(matrix: np.ndarray) -> None:
     assert np.linalg.norm(matrix @ axis) == pytest.approx(parts.principal_stretches[0], abs=1e-8)
 
 
+@settings(deadline=None)
 @given(matrices, st.floats(-3.0, 3.0), st.booleans())
 def test_nothing_depends_on_how_the_cell_lies_or_on_the_leg_side(
     matrix: np.ndarray, angle: float, mirrored: bool
@@ -116,3 +118,18 @@ def test_area_of_mid_lines_is_the_quads_area() -> None:
     shoelace = 0.5 * np.sum(x * np.roll(y, -1) - y * np.roll(x, -1))
     # Corners run lateral, medial: clockwise in (distal, medial) axes.
     assert float(signed_area(quad)) == pytest.approx(-shoelace, abs=LINEAR_ALGEBRA)
+
+
+@settings(deadline=None)
+@given(st.floats(0.5, 2.0), st.floats(0.5, 2.0), st.floats(-0.8, 0.8), st.floats(-3.0, 3.0))
+def test_stretches_and_shear_are_those_that_went_in(
+    longitudinal: float, lateral: float, shear: float, turn: float
+) -> None:
+    parts = decompose(rotation(turn) @ triangular(longitudinal, lateral, shear))
+    assert float(parts.longitudinal_stretch) == pytest.approx(longitudinal, abs=1e-9)
+    assert float(parts.lateral_stretch) == pytest.approx(lateral, abs=1e-9)
+    assert float(parts.shear) == pytest.approx(shear, abs=1e-9)
+    # What it says: the angle between the deformed fibres is 90 degrees less atan(shear).
+    fibres = rotation(turn) @ triangular(longitudinal, lateral, shear)
+    cosine = fibres[:, 0] @ fibres[:, 1] / np.prod(np.linalg.norm(fibres, axis=0))
+    assert np.pi / 2.0 - np.arccos(cosine) == pytest.approx(np.arctan(shear), abs=1e-9)
