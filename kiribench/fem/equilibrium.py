@@ -92,11 +92,11 @@ class _Newton:
             else:
                 residual = self._linearise(x, projected)
                 projected = False
-            move = -self.expand(system.solve(residual))
-            if not np.isfinite(move).all():
+            free = -system.solve(residual)
+            if not np.isfinite(free).all():
                 self.reason = "the tangent is singular"
                 return None
-            slope = float(residual @ system.reduce(move))
+            move, slope = self.expand(free), float(residual @ free)
             error_before, error = error, abs(slope) / max(energy, 1e-300)
             if error < self.tolerance and slope <= 0:
                 return x + move
@@ -105,8 +105,8 @@ class _Newton:
                 # The tangent has a negative direction here; its positive part points downhill,
                 # too timidly where the sheet snaps, so that step may also be lengthened.
                 self._linearise(x, True)
-                other = -self.expand(system.solve(residual))
-                slope = float(residual @ system.reduce(other))
+                free = -system.solve(residual)
+                other, slope = self.expand(free), float(residual @ free)
                 far, lower = self._search(x, other, energy, slope, error)
                 far, lower = self._lengthen(x, other, far, lower)
                 if far > 0.0 and (length == 0.0 or lower < found):
