@@ -154,7 +154,7 @@ def _failed(settings: CampaignSettings, design: Design, error: Exception) -> Pie
     return Piece(
         design=design,
         fingerprint=settings.fingerprint,
-        columns={name: (np.nan,) * count for name in NUMBERS},
+        columns=dict.fromkeys(NUMBERS, (np.nan,) * count),
         status=("failed",) * count,
         reason=f"{type(error).__name__}: {error}",
         newton_iterations=0,

@@ -116,7 +116,7 @@ def read_design_space(path: Path, *, measure: str | None = None) -> DesignSpace:
         else ["longitudinal_strain", "poisson_ratio"]
     )
     _check_columns(frame, wanted, path)
-    settled = _settle_measure(frame, sidecar, measure, stretches, path)
+    settled = settle_measure(frame, sidecar, measure, stretches, path)
     table_row = np.arange(1, len(frame) + 1)
     dropped: dict[str, int] = {}
     if "status" in frame.columns:
@@ -231,9 +231,20 @@ def _check_columns(frame: pd.DataFrame, wanted: list[str], path: Path) -> None:
         )
 
 
-def _settle_measure(
+def settle_measure(
     frame: pd.DataFrame, sidecar: dict[str, Any], asked: str | None, stretches: bool, path: Path
 ) -> str:
+    """The measure that a table's strains are in, or that its stretches are to be read in.
+
+    Args:
+        frame, sidecar: the table and what stands beside it.
+        asked: by the caller, or None.
+        stretches: whether the table holds stretches, which have no measure.
+        path: of the table.
+
+    Raises:
+        TableError: the measure is not declared, not known, mixed or contradicted.
+    """
     if asked is not None:
         _known(asked, path, "--strain-measure")
     if stretches:
@@ -404,7 +415,7 @@ def read_points(path: Path) -> tuple[FloatArray, str | None]:
     numbers = _numbers(frame, wanted, np.arange(1, len(frame) + 1), path)
     measure = sidecar.get("StrainMeasure")
     if "strain_measure" in frame.columns:
-        measure = _settle_measure(frame, sidecar, None, False, path)
+        measure = settle_measure(frame, sidecar, None, False, path)
     if measure is not None:
         _known(str(measure), path, "the sidecar")
     return np.column_stack([numbers[name] for name in wanted]), measure
