@@ -237,3 +237,12 @@ POISSON_CALCULIX_SAME_MESH = 0.002
 
 POISSON_PAPER = 0.02
 """Poisson's ratio (log). The paper prints two digits of an unconverged mesh of 0.5 mm."""
+
+# --- Cross-validation ------------------------------------------------------------------------
+
+CRPS_QUADRATURE = 1e-9
+"""Unit of the target: adaptive quadrature to 1e-12 of tails cut at 12 standard deviations."""
+
+CLOSED_FORM_AGAINST_REFIT = 1e-8
+"""Targets' unit: leave-fold-out in closed form against a refit at the same hyperparameters; what
+the project promises."""

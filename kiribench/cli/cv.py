@@ -94,7 +94,8 @@ def cv(
         Options of every command.
     """
     from kiribench.cli.progress import progress
-    from kiribench.validation.checks import Evidence, run_checks
+    from kiribench.validation.checks import run_checks
+    from kiribench.validation.checks.check import Evidence
     from kiribench.validation.export import cv_object, cv_text, finite
     from kiribench.validation.protocols import HEADLINE
     from kiribench.validation.run import cross_validate
@@ -192,7 +193,9 @@ def _read(
     space = read_design_space(path, measure=measure)
     own_fold = None if fold_column is None else column_of_space(space, fold_column)
     table = of_design_space(space, own_fold)
-    return table if group_column is None else grouped_by(table, column_of_space(space, group_column))
+    return (
+        table if group_column is None else grouped_by(table, column_of_space(space, group_column))
+    )
 
 
 def _wanted(path: Path) -> Wanted:

@@ -108,9 +108,7 @@ def leakage(result: CvResult) -> dict[str, dict[str, float]]:
     return gaps
 
 
-def cv_text(
-    result: CvResult, checks: tuple[CheckResult, ...], table_one: TableOne | None
-) -> str:
+def cv_text(result: CvResult, checks: tuple[CheckResult, ...], table_one: TableOne | None) -> str:
     """The same for a person; the last line is the verdict."""
     table = result.table
     lines = [f"{len(table.y)} rows, {table.groups} {table.group_word}s, target {table.target}"]
@@ -144,7 +142,7 @@ def cv_text(
         for one in checks
         if one.found.status == "fired"
     ]
-    lines.append(_verdict(result, checks))
+    lines.append(verdict(result, checks))
     return "\n".join(lines)
 
 
@@ -170,7 +168,8 @@ def _line(model: str, one: Summary) -> str:
     return text
 
 
-def _verdict(result: CvResult, checks: tuple[CheckResult, ...]) -> str:
+def verdict(result: CvResult, checks: tuple[CheckResult, ...]) -> str:
+    """The outcome in one sentence or two."""
     count = sum(one.found.status == "fired" and one.severity == "error" for one in checks)
     warned = sum(one.found.status == "fired" and one.severity == "warning" for one in checks)
     tail = f"{count} errors and {warned} warnings among {len(checks)} checks."

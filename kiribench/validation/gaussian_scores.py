@@ -12,7 +12,7 @@ from scipy.stats import norm
 
 FloatArray = NDArray[np.float64]
 LEVELS = (0.5, 0.8, 0.95)
-CURVE = tuple(round(0.05 * step, 2) for step in range(1, 20)) + (0.99,)
+CURVE = (*(round(0.05 * step, 2) for step in range(1, 20)), 0.99)
 
 
 def nlpd(truth: FloatArray, mean: FloatArray, sd: FloatArray) -> float:

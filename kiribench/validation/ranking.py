@@ -68,9 +68,7 @@ def rope_of(table: CvTable) -> float:
     return SD_SHARE * float(table.y.std()) if unit is None else MESH_SHARE * unit
 
 
-def rank(
-    table: CvTable, folds: tuple[Fold, ...], summaries: dict[str, Summary]
-) -> Ranking:
+def rank(table: CvTable, folds: tuple[Fold, ...], summaries: dict[str, Summary]) -> Ranking:
     """Order the models by their mean RMSE over common folds, and compare each with the best.
 
     Args:
@@ -101,9 +99,7 @@ def rank(
     }
     order = sorted(errors, key=lambda name: float(errors[name].mean()))
     best, rope = order[0], rope_of(table)
-    ratio = float(
-        np.mean([len(by_name[fold].test) / len(by_name[fold].train) for fold in common])
-    )
+    ratio = float(np.mean([len(by_name[fold].test) / len(by_name[fold].train) for fold in common]))
     if len(common) < 2:
         places = tuple(
             Place(name, float(errors[name].mean()), None, None, "best" if name == best else "")
@@ -114,9 +110,7 @@ def rank(
         name: compare(errors[name], errors[best], test_over_train=ratio, rope=rope)
         for name in order[1:]
     }
-    adjusted = dict(
-        zip(compared, holm([one.p_value for one in compared.values()]), strict=True)
-    )
+    adjusted = dict(zip(compared, holm([one.p_value for one in compared.values()]), strict=True))
     places_ = [Place(best, float(errors[best].mean()), None, None, "best")]
     for name, one in compared.items():
         words = _words(one, adjusted[name], best)

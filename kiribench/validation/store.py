@@ -110,9 +110,7 @@ def _compare(path: Path, plan: dict[str, Any]) -> None:
         old = json.loads(path.read_text(encoding="utf-8"))
     except ValueError as error:
         raise _other(path.parent, f"{PLAN} cannot be read") from error
-    differs = sorted(
-        key for key in {*old, *plan} if old.get(key) != plan.get(key)
-    )
+    differs = sorted(key for key in {*old, *plan} if old.get(key) != plan.get(key))
     if differs:
         shown = "; ".join(f"{key}: {old.get(key)} there, {plan.get(key)} now" for key in differs)
         raise _other(path.parent, shown)

@@ -23,7 +23,7 @@ def look(evidence: Evidence) -> Found:
         return passed("The target has too few values for an input to give it away.")
     for column, name in enumerate(table.features):
         x = table.X[:, column]
-        if len(np.unique(x)) >= FEWEST_VALUES and abs(spearmanr(x, y).statistic) > RANK:
+        if len(np.unique(x)) >= FEWEST_VALUES and abs(float(spearmanr(x, y).statistic)) > RANK:
             return fired(f"The input {name} orders the rows exactly as the target does.")
     for i, j in combinations(range(table.X.shape[1]), 2):
         for words, values in _pairs(table.X[:, i], table.X[:, j]):

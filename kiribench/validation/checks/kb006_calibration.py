@@ -19,7 +19,8 @@ def look(evidence: Evidence) -> Found:
     """
     models = evidence.summaries.get("grouped", {})
     table = evidence.table
-    bad, good = [], []
+    bad: list[str] = []
+    good: list[str] = []
     for name, one in models.items():
         if one.sd is None or not len(one.rows):
             continue

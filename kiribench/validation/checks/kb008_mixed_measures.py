@@ -20,13 +20,14 @@ def uncut_poisson(strain: np.ndarray, measure: str) -> np.ndarray:
     if measure == "log":
         return np.full_like(strain, 0.5)
     if measure == "engineering":
-        return -((1.0 + strain) ** -0.5 - 1.0) / strain
+        return np.asarray(-((1.0 + strain) ** -0.5 - 1.0) / strain)
     stretch = np.sqrt(1.0 + 2.0 * strain)
-    return -0.5 * (1.0 / stretch - 1.0) / strain
+    # (stretch_lateral^2 - 1) / 2 with stretch_lateral^2 = 1 / stretch.
+    return np.asarray(-0.5 * (1.0 / stretch - 1.0) / strain)
 
 
 def look(evidence: Evidence) -> Found:
-    """Fires where the wanted targets have another measure than the table, or the table belies its own.
+    """Fires where wanted targets have another measure, or the table belies its own.
 
     An uncut sheet of rubber is incompressible, so its curve betrays the measure: .5 at every
     strain in log strains, falling in the others.
@@ -49,7 +50,9 @@ def look(evidence: Evidence) -> Found:
     least = np.maximum(a, b) == np.maximum(a, b)[rows].min()
     rows &= least
     misfit = {
-        measure: float(np.sqrt(np.mean((table.y[rows] - uncut_poisson(strain[rows], measure)) ** 2)))
+        measure: float(
+            np.sqrt(np.mean((table.y[rows] - uncut_poisson(strain[rows], measure)) ** 2))
+        )
         for measure in ("log", "engineering", "green")
     }
     best = min(misfit, key=lambda measure: misfit[measure])

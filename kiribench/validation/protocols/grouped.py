@@ -17,7 +17,9 @@ def folds(table: CvTable, settings: CvSettings) -> tuple[Fold, ...]:
     result: list[Fold] = []
     count = min(settings.folds, table.groups)
     for repeat in range(settings.repeats):
-        label = deal(table.group, table.groups, count, np.random.default_rng([settings.seed, repeat]))
+        label = deal(
+            table.group, table.groups, count, np.random.default_rng([settings.seed, repeat])
+        )
         result += folds_of_labels(label, repeat=repeat)
     return tuple(result)
 

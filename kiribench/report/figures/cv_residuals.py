@@ -1,0 +1,58 @@
+"""Where a model errs: residuals over (a, b) and over strain."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kiribench.report.figures.cv_style import plain
+from kiribench.report.html import Html
+from kiribench.report.palette import ACCENT, QUIET, SEQUENTIAL
+from kiribench.report.svg import canvas, drawing, inline_svg
+
+FloatArray = NDArray[np.float64]
+WIDTH, HEIGHT = 780.0, 320.0
+
+
+def residual_figure(
+    X: FloatArray, residual: FloatArray, *, unit: float | None, name: str, alt: str
+) -> Html:
+    """RMS residual of each design as a map over (a, b), and all residuals over strain.
+
+    Args:
+        X: (q, 3) a_percent, b_percent, strain of test rows.
+        residual: (q,) predicted minus simulated.
+        unit: the table's mesh error, drawn as a band, if there is one.
+        name, alt: see :func:`kiribench.report.svg.inline_svg`.
+    """
+    from matplotlib.colors import LinearSegmentedColormap, LogNorm
+
+    cuts, which = np.unique(X[:, :2], axis=0, return_inverse=True)
+    which = which.ravel()
+    rms = np.sqrt(np.bincount(which, residual**2) / np.bincount(which))
+    low = max(float(np.quantile(rms, 0.02)), 1e-9)
+    high = max(float(rms.max()), low * 1.01)
+    scale = LinearSegmentedColormap.from_list("errors", (*SEQUENTIAL, "#0d2740"), N=256)
+    with drawing():
+        figure = canvas(WIDTH, HEIGHT)
+        left = figure.add_axes((50 / WIDTH, 46 / HEIGHT, 250 / WIDTH, 250 / HEIGHT))
+        plain(left)
+        drawn = left.scatter(
+            cuts[:, 0], cuts[:, 1], c=rms, cmap=scale, norm=LogNorm(low, high), marker="s",
+            s=7200 / max(10.0, len(np.unique(cuts[:, 0]))) ** 1.4, linewidths=0,
+        )  # fmt: skip
+        left.set_xlabel("a, %")
+        left.set_ylabel("b, %")
+        left.set_title("rms residual of each design", fontsize=10, loc="left", pad=5)
+        bar = figure.add_axes((312 / WIDTH, 46 / HEIGHT, 10 / WIDTH, 250 / HEIGHT))
+        figure.colorbar(drawn, cax=bar).ax.tick_params(labelsize=8, colors=QUIET)
+        right = figure.add_axes((430 / WIDTH, 46 / HEIGHT, 330 / WIDTH, 250 / HEIGHT))
+        plain(right)
+        if unit is not None:
+            right.axhspan(-unit, unit, color="#f3c9a5", alpha=0.5, linewidth=0)
+        right.scatter(
+            X[:, 2], residual, s=3, color=ACCENT, alpha=0.35, linewidths=0, rasterized=True
+        )
+        right.set_xlabel("longitudinal strain")
+        right.set_title("predicted minus simulated", fontsize=10, loc="left", pad=5)
+        return inline_svg(figure, name, alt)

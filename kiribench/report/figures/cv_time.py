@@ -1,0 +1,41 @@
+"""Time of a fit against error."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from kiribench.report.figures.cv_style import mark_of, plain
+from kiribench.report.html import Html
+from kiribench.report.palette import PATCH
+from kiribench.report.svg import canvas, drawing, inline_svg
+
+WIDTH, HEIGHT = 640.0, 340.0
+
+
+def time_figure(
+    models: Mapping[str, tuple[float, float]], *, unit: float | None, name: str, alt: str
+) -> Html:
+    """One mark a model on logarithmic axes; lower left is better.
+
+    Args:
+        models: (seconds of a fit, RMSE) by model, both positive.
+        unit: the table's mesh error, a dashed line, if there is one.
+        name, alt: see :func:`kiribench.report.svg.inline_svg`.
+    """
+    with drawing():
+        figure = canvas(WIDTH, HEIGHT)
+        axes = figure.add_axes((62 / WIDTH, 44 / HEIGHT, 380 / WIDTH, 280 / HEIGHT))
+        plain(axes)
+        axes.set_xscale("log")
+        axes.set_yscale("log")
+        for index, (model, (seconds, error)) in enumerate(models.items()):
+            colour, shape = mark_of(index)
+            axes.scatter([seconds], [error], color=colour, marker=shape, s=36, label=model)
+        if unit is not None:
+            axes.axhline(
+                unit, color=PATCH, linewidth=1.0, linestyle=(0, (4, 2)), label="mesh error"
+            )
+        axes.set_xlabel("seconds to fit one fold")
+        axes.set_ylabel("RMSE under the headline protocol")
+        axes.legend(loc="upper left", bbox_to_anchor=(1.02, 1.02), frameon=False, fontsize=9)
+        return inline_svg(figure, name, alt)
