@@ -223,6 +223,14 @@ TANGENT_DIFFERENCE = 1e-7
 CONDENSED_SOLUTION = 1e-9
 """Fraction. Facet-wise elimination against SuperLU on the whole matrix: conditioning only."""
 
+SOLVED_POISSON = 1e-5
+"""Poisson's ratio. Newton's method ends at an energy error of 1e-9 of the stored energy, and
+takes that last step: the displacements are then good to 1e-5 of themselves."""
+
+MIRRORED_MESH = 1e-4
+"""Fraction. Facet meshes are mirrored in x only, so a whole sheet's mesh is not quite the mirror
+image of its quarter's: second order in a mesh error of .006."""
+
 ENERGY_WORK = 2e-5
 """Fraction. Energy against the work of the reaction by Simpson's rule over 40 steps."""
 
