@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from dataclasses import asdict, dataclass, field
+from itertools import pairwise
 from typing import Any, Literal
 
 from kiribench import __version__
@@ -156,7 +157,7 @@ def check_steps(model: Model, steps: tuple[float, ...]) -> None:
     """
     rest = 0.0 if model == "sheet" else 1.0
     path = [step - rest for step in steps]
-    away = all(abs(b) > abs(a) and a * b > 0 for a, b in zip(path, path[1:], strict=False))
+    away = all(abs(b) > abs(a) and a * b > 0 for a, b in pairwise(path))
     finite = all(abs(step) < 1e6 for step in steps)
     if not steps or not finite or path[0] == 0 or not away or (model == "cell" and min(steps) <= 0):
         kind = "displacements in mm" if model == "sheet" else "longitudinal stretches"

@@ -154,7 +154,7 @@ def _sheets(space: DesignSpace) -> Html:
     from kiribench.fem.shapes import sheet_shapes
 
     names = [name for name in DEFORMED if name in space.design_names] or [space.design_names[0]]
-    blocks = []
+    blocks: list[Html] = []
     for name in names:
         row = int(np.flatnonzero(space.design == space.design_names.index(name))[0])
         a, b = float(space.a_percent[row]), float(space.b_percent[row])
@@ -170,8 +170,8 @@ def _sheets(space: DesignSpace) -> Html:
 
 def _record(sidecar: dict[str, Any]) -> Html:
     cost = sidecar.get("Cost", {})
-    rows = [
-        (name, _shown(sidecar[name]))
+    rows: list[tuple[str, str]] = [
+        (str(name), _shown(sidecar[name]))
         for name in ("Model", "Steps", "Specimen", "Mesh", "Material", "SoftwareVersion")
         if name in sidecar
     ]
