@@ -88,7 +88,7 @@ def run_cluster(settings: CampaignSettings, designs: Sequence[Design], address: 
             client.submit(simulate_design, settings, design, pure=False) for design in designs
         ]
         try:
-            for future in as_completed(futures):
+            for future in as_completed(futures, loop=client.loop):
                 yield future.result()
                 future.release()
         except KilledWorker as error:
