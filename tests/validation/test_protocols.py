@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -106,7 +107,7 @@ def test_learning_curve_parts_are_nested_and_grow(table: CvTable) -> None:
     for draw in range(3):
         mine = [fold for fold in folds if fold.repeat == draw]
         assert [fold.size for fold in mine] == sorted({fold.size for fold in mine})
-        for small, large in zip(mine, mine[1:], strict=False):
+        for small, large in pairwise(mine):
             assert np.isin(small.train, large.train).all()
             assert np.array_equal(small.test, large.test)
         for fold in mine:

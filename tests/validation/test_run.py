@@ -87,9 +87,7 @@ def test_lost_and_damaged_folds_are_computed_again(
     assert numbers(again) == numbers(first)
 
 
-def test_another_table_or_setting_is_refused(
-    table: CvTable, whole: tuple[CvResult, Path]
-) -> None:
+def test_another_table_or_setting_is_refused(table: CvTable, whole: tuple[CvResult, Path]) -> None:
     _, folder = whole
     with pytest.raises(UsageError, match=r"cv-out-of-another-run.*seed: 0 there, 1 now"):
         cross_validate(table, replace(SETTINGS, seed=1), folder=folder)

@@ -52,7 +52,9 @@ def test_inner_folds_keep_groups_whole_and_never_see_the_test_rows(
 
 
 def test_tuned_models_take_part(table: CvTable) -> None:
-    settings = CvSettings(models=("polynomial", "polynomial:tuned"), protocols=("grouped",), folds=4)
+    settings = CvSettings(
+        models=("polynomial", "polynomial:tuned"), protocols=("grouped",), folds=4
+    )
     models = cross_validate(table, settings).summaries["grouped"]
     assert models["polynomial:tuned"].notes["chosen"]["degree"] > 3
     cubic, tuned = (models[name].scores["rmse"].pooled for name in settings.models)
