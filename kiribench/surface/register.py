@@ -393,6 +393,8 @@ def _require(overlap: float, points: int, least: float) -> None:
 
 def _trimmed(residual: FloatArray, trim: float) -> NDArray[np.intp]:
     """The points to use: the best ``trim`` share, less those beyond 3 robust sigmas."""
+    if len(residual) == 0:  # a start or a step that lost every partner
+        return np.zeros(0, dtype=np.intp)
     size = np.abs(residual)
     limit = _OUTLIER_SIGMAS * _SIGMA_OF_QUARTILE * float(np.quantile(size, 0.25))
     kept = np.argsort(size, kind="stable")[: max(6, int(np.ceil(trim * len(size))))]

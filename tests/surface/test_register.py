@@ -283,3 +283,14 @@ def test_transforms_compose() -> None:
     assert np.allclose(TRUTH.inverse().apply(TRUTH.apply(point)), point, atol=1e-13)
     twice = TRUTH.after(TRUTH)
     assert np.allclose(twice.apply(point), TRUTH.apply(TRUTH.apply(point)), atol=1e-13)
+
+
+def test_a_start_without_any_partner_is_passed_over() -> None:
+    """A strip so narrow that a start 3 mm aside meets only its border, and no clean fit."""
+    fixed = surface_mesh(lambda uv: np.column_stack([uv, 0.0 * uv[:, 0]]), 4.0, 90.0, 1.0)
+
+    def wavy(uv: Array) -> Array:
+        return np.column_stack([uv, 0.4 * np.sin(uv[:, 1] / 4.0)])
+
+    result = register(surface_mesh(wavy, 4.0, 90.0, 1.0), fixed, samples=2000)
+    assert 0.1 < result.residual_rms_mm < 0.5
