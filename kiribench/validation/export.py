@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from kiribench.surrogate.registry import spec
+from kiribench.validation import gaussian_scores, point_scores
 from kiribench.validation.checks import CheckResult
 from kiribench.validation.protocols import HEADLINE, protocol
 from kiribench.validation.ranking import ranking_object
@@ -55,6 +56,7 @@ def cv_object(
         "models": {name: model_info(name) for name in result.settings.models},
         "ranking": {name: ranking_object(one) for name, one in result.rankings.items()},
         "leakage": leakage(result),
+        "by_place": by_place(result),
         "checks": [one.as_dict() for one in checks],
         "table1": None if table_one is None else table_one_object(table_one),
         "reused_folds": result.reused,
@@ -106,6 +108,38 @@ def leakage(result: CvResult) -> dict[str, dict[str, float]]:
             continue
         gaps[model] = {"rmse_ratio": error / claimed, "r2_gap": said - r2}
     return gaps
+
+
+def by_place(result: CvResult) -> dict[str, dict[str, dict[str, float | None]]]:
+    """By model under the headline: the error on the lattice's outermost lines and inside them.
+
+    A design on the rim has no neighbour beyond it: leaving it out asks for extrapolation, and
+    a few such designs can make up most of a pooled error.
+    """
+    table = result.table
+    if not table.is_design_space:
+        return {}
+    cuts = table.X[:, :2]
+    rim = ((cuts == cuts.min(axis=0)) | (cuts == cuts.max(axis=0))).any(axis=1)
+    unit = table.mesh_error_rms
+    places: dict[str, dict[str, dict[str, float | None]]] = {}
+    for model, one in result.summaries.get(HEADLINE, {}).items():
+        places[model] = {}
+        for name, where in (("inside", ~rim), ("rim", rim)):
+            chosen = where[one.rows]
+            if not chosen.any():
+                continue
+            truth, mean = table.y[one.rows][chosen], one.mean[chosen]
+            error = point_scores.rmse(truth, mean)
+            places[model][name] = {
+                "rmse": error,
+                "rmse_over_mesh_error": None if unit is None else error / unit,
+                "max_error": point_scores.max_error(truth, mean),
+                "coverage95": None
+                if one.sd is None
+                else gaussian_scores.coverage(truth, mean, one.sd[chosen], 0.95),
+            }
+    return places
 
 
 def cv_text(result: CvResult, checks: tuple[CheckResult, ...], table_one: TableOne | None) -> str:

@@ -68,6 +68,12 @@ def test_the_ranking_the_gap_and_the_checks_are_there(done: tuple[dict[str, Any]
     assert places[0]["model"] == "gp" and places[0]["words"] == "best"
     assert all("p_adjusted" in place["against_best"] for place in places[1:])
     assert result["leakage"]["gp"]["rmse_ratio"] > 1.0
+    place = result["by_place"]["gp"]
+    pooled = result["protocols"]["grouped"]["gp"]["rmse"]["pooled"]
+    # 9 of 25 designs lie inside, and the two parts make up the whole.
+    both = (9 * place["inside"]["rmse"] ** 2 + 16 * place["rim"]["rmse"] ** 2) / 25
+    assert both == pytest.approx(pooled**2, rel=1e-9)
+    assert place["inside"]["rmse"] < place["rim"]["rmse"]
     codes = {one["code"]: one["status"] for one in result["checks"]}
     assert len(codes) == 10 and codes["KB001"] == "fired" and codes["KB003"] == "passed"
 
