@@ -129,11 +129,31 @@ def _run(app: App, argv: list[str], config: Path | None) -> int:
     bound.apply_defaults()
     common = bound.arguments.get("common") or Common()
     bound.arguments["common"] = common
+    if common.out is not None:
+        _make_out(common.out)
     outcome = command(*bound.args, **bound.kwargs)
     if not isinstance(outcome, Outcome):
         raise TypeError(f"command {command.__name__} gave {type(outcome).__name__}, not Outcome")
     _publish(command.__name__, outcome, common, effective_settings(bound.arguments, config))
     return outcome.exit_code
+
+
+def _make_out(folder: Path) -> None:
+    """Make the folder of the results first, so that no long computation ends in vain."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        writable = os.access(folder, os.W_OK | os.X_OK)
+        why = "no permission to write"
+    except OSError as error:  # a file in its place, a read-only disk, a name too long
+        writable, why = False, error.strerror or type(error).__name__
+    if not writable:
+        raise UsageError(
+            "out-not-writable",
+            "The folder of the results cannot be written.",
+            file=folder,
+            remedy="Give --out a folder that can be made and written, not a file.",
+            got=why,
+        )
 
 
 def _publish(name: str, outcome: Outcome, common: Common, settings: dict[str, Any]) -> None:

@@ -195,3 +195,13 @@ def test_no_color():
 def test_completion_script_is_generated():
     script = launch.build_app().generate_completion(shell="bash")
     assert "kiribench" in script
+
+
+@pytest.mark.parametrize("out", ["kept.txt", "kept.txt/deeper", "/proc/results", "x" * 300])
+def test_out_that_cannot_be_written_is_a_usage_error(run, tmp_path, out):
+    (tmp_path / "kept.txt").write_text("mine", encoding="ascii")
+    code, text, err = run("probe", "good", "--json", "--out", out)
+    assert code == 2
+    assert json.loads(text)["faults"][0]["code"] == "out-not-writable"
+    assert "Traceback" not in err
+    assert (tmp_path / "kept.txt").read_text(encoding="ascii") == "mine"
