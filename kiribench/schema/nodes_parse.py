@@ -130,16 +130,24 @@ def _numbers(table: TsvTable) -> tuple[pd.DataFrame, list[Fault]]:
             else:
                 faults.append(_number_fault(table, name, index, field, integral))
         columns[name] = values
-    if "status" in table.columns:
-        columns["status"] = [
-            "ok" if field.lower() in NO_VALUE else field.lower() for field in table.column("status")
-        ]
+    columns["status"] = _status(table)
     bad = {fault.row for fault in faults if fault.column in ("row", "col")}
     for name in ("row", "col"):  # rows without an index are reported; leave them out below
         columns[name] = np.nan_to_num(columns[name], nan=0.0, posinf=0.0).clip(-(2**31), 2**31)
         columns[name] = columns[name].astype(np.int64)
     frame = pd.DataFrame(columns, index=pd.Index(table.lines, name="line", dtype="int64"))
     return frame.loc[[line not in bad for line in table.lines]], faults
+
+
+def _status(table: TsvTable) -> list[str]:
+    """The status of each row; without one, a row of three ``n/a`` is a node not seen."""
+    places = [table.column(name) for name in ("x_mm", "y_mm", "z_mm")]
+    unseen = [all(f.lower() in NO_VALUE for f in xyz) for xyz in zip(*places, strict=True)]
+    stated = table.column("status") if "status" in table.columns else [""] * len(unseen)
+    return [
+        field.lower() if field.lower() not in NO_VALUE else "missing" if absent else "ok"
+        for field, absent in zip(stated, unseen, strict=True)
+    ]
 
 
 def _number_fault(table: TsvTable, name: str, index: int, field: str, integral: bool) -> Fault:

@@ -242,3 +242,18 @@ def test_any_fields_give_nodes_or_faults(fields: list[tuple[str, ...]]) -> None:
         return
     nodes, faults = parse_nodes(parsed, Path("n.tsv"), SHAPE)
     assert (nodes is None) == any(fault.severity == "error" for fault in faults)
+
+
+def test_a_node_without_position_and_status_is_missing() -> None:
+    """As if its row were absent; only the claim ``ok`` contradicts ``n/a``."""
+    nowhere = {"x_mm": "n/a", "y_mm": "n/a", "z_mm": ""}
+    table = rows()
+    table[4] |= nowhere
+    nodes, faults = parse(table)
+    assert nodes is not None
+    assert not faults
+    assert np.flatnonzero(~nodes.present).tolist() == [4]
+    table[5] |= nowhere | {"status": "ok"}
+    nodes, faults = parse(table)
+    assert nodes is None
+    assert [(fault.code, fault.row) for fault in faults] == [("nodes-coordinates-missing", 7)]
