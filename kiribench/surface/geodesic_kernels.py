@@ -43,6 +43,10 @@ class Scratch(NamedTuple):
     window_link: IntArray
     heap_key: FloatArray
     heap_item: IntArray
+    laid_face: IntArray
+    laid_over: IntArray
+    laid_xy: FloatArray
+    cut: FloatArray
 
 
 def scratch(faces: int, vertices: int, room: int) -> Scratch:
@@ -70,6 +74,10 @@ def scratch(faces: int, vertices: int, room: int) -> Scratch:
         window_link=np.empty((room, 2), i32),
         heap_key=np.empty(2 * room),
         heap_item=np.empty(2 * room, i32),
+        laid_face=np.empty(room, i32),
+        laid_over=np.empty(room, i32),
+        laid_xy=np.empty((room, 6)),
+        cut=np.empty((room, 6)),
     )
 
 

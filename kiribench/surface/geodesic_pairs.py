@@ -9,6 +9,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from kiribench.surface.geodesic_flat import straight_is_shortest
 from kiribench.surface.geodesic_kernels import NO_ROOM, Scratch, distance
 from kiribench.surface.geodesic_strip import find_strip, shorten, walk_strip
 from kiribench.surface.geodesic_trace import strip_polyline, window_polyline
@@ -146,10 +147,16 @@ def solve_pairs(
             )
             if at < 0:
                 return k, NO_ROOM
-        best, link = search(
-            xyz, faces, twins, offsets, corners, s_held, s_place, s, t_held, t_place, t,
-            bound, stamp, work,
-        )  # fmt: skip
+        if count > 0 and bends == 0 and straight_is_shortest(
+            xyz, faces, twins, offsets, corners, s, weights, start, t, t_held, t_place,
+            bound, count, stamp, work,
+        ):  # fmt: skip
+            best, link = bound, -1
+        else:
+            best, link = search(
+                xyz, faces, twins, offsets, corners, s_held, s_place, s, t_held, t_place, t,
+                bound, stamp, work,
+            )  # fmt: skip
         if link == NO_ROOM and best == 0.0:
             return k, NO_ROOM
         if link == -1 and unbounded[k]:

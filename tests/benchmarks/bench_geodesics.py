@@ -62,6 +62,16 @@ def fresh(mesh: Mesh) -> Mesh:
     return Mesh(mesh.vertices_mm, mesh.faces)
 
 
+def shuffled(mesh: Mesh, pairs: np.ndarray) -> tuple[Mesh, np.ndarray]:
+    """The same surface with vertices and faces in random order, as some scanners write them."""
+    rng = np.random.default_rng(0)
+    order = rng.permutation(len(mesh.vertices_mm))
+    place = np.empty(len(order), np.int32)
+    place[order] = np.arange(len(order), dtype=np.int32)
+    faces = place[mesh.faces][rng.permutation(len(mesh.faces))]
+    return Mesh(mesh.vertices_mm[order], np.ascontiguousarray(faces)), place[pairs]
+
+
 def main(repeats: int = 3) -> int:
     warm, warm_pairs = knee_like(30, 40, 0.05)
     start, end = at_vertices(warm, warm_pairs[:, 0]), at_vertices(warm, warm_pairs[:, 1])
@@ -73,28 +83,31 @@ def main(repeats: int = 3) -> int:
     print(f"{'triangles':>10} {'noise mm':>9} {'kiribench':>10} {'edge flip':>10} {'ratio':>7}"
           f" {'longest excess of edge flip mm':>31}")  # fmt: skip
     slow = False
-    for noise in (0.0, 0.05):
-        for nx, ny in SIZES:
-            mesh, pairs = knee_like(nx, ny, noise)
-            start, end = at_vertices(mesh, pairs[:, 0]), at_vertices(mesh, pairs[:, 1])
-            mine, peer = [], []
-            rounds = repeats if noise == 0.0 else 1
-            for _ in range(rounds):
-                seconds, lengths = clocked(ours, fresh(mesh), start, end)
-                mine.append(seconds)
-                seconds, flipped = clocked(edge_flips, fresh(mesh), pairs)
-                peer.append(seconds)
-            if (lengths > flipped + 1e-9).any():
-                print("WRONG: a path of the peer is shorter than ours")
-                return 1
-            own, other = statistics.median(mine), statistics.median(peer)
-            ratio = other / own
-            print(f"{len(mesh.faces):>10} {noise:>9} {own:>10.3f} {other:>10.2f} {ratio:>7.1f}"
-                  f" {(flipped - lengths).max():>31.2e}", flush=True)  # fmt: skip
-            if noise == 0.0 and (nx, ny) == SIZES[-1]:
-                wanted = ratio
-            if noise > 0.0 and own > NOISY_SECONDS_WANTED:
-                slow = True
+    rows = [(noise, size, False) for noise in (0.0, 0.05) for size in SIZES]
+    rows.insert(len(SIZES), (0.0, SIZES[-1], True))  # for information; the gate is in order
+    for noise, (nx, ny), mixed in rows:
+        mesh, pairs = knee_like(nx, ny, noise)
+        if mixed:
+            mesh, pairs = shuffled(mesh, pairs)
+        start, end = at_vertices(mesh, pairs[:, 0]), at_vertices(mesh, pairs[:, 1])
+        mine, peer = [], []
+        rounds = repeats if noise == 0.0 else 1
+        for _ in range(rounds):
+            seconds, lengths = clocked(ours, fresh(mesh), start, end)
+            mine.append(seconds)
+            seconds, flipped = clocked(edge_flips, fresh(mesh), pairs)
+            peer.append(seconds)
+        if (lengths > flipped + 1e-9).any():
+            print("WRONG: a path of the peer is shorter than ours")
+            return 1
+        own, other = statistics.median(mine), statistics.median(peer)
+        ratio = other / own
+        print(f"{len(mesh.faces):>10} {noise:>9} {own:>10.3f} {other:>10.2f} {ratio:>7.1f}"
+              f" {(flipped - lengths).max():>31.2e}{'  shuffled' * mixed}", flush=True)  # fmt: skip
+        if noise == 0.0 and (nx, ny) == SIZES[-1] and not mixed:
+            wanted = ratio
+        if noise > 0.0 and own > NOISY_SECONDS_WANTED:
+            slow = True
     print(f"ratio at 1M triangles: {wanted:.1f} (at least {RATIO_WANTED:.0f} wanted)")
     return int(wanted < RATIO_WANTED or slow)
 
