@@ -79,8 +79,7 @@ def main(tokens: Sequence[str] | None = None) -> int:
         print("interrupted", file=sys.stderr)
         return EXIT_INTERRUPTED
     except BrokenPipeError:
-        # The reader of our output has gone; nothing is left to say to it.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _reader_gone()
         return EXIT_OK
     except SystemExit as error:  # cyclopts ends --help and --version so
         return error.code if isinstance(error.code, int) else EXIT_OK
@@ -171,7 +170,7 @@ def _publish(name: str, outcome: Outcome, common: Common, settings: dict[str, An
     for fault in outcome.faults:
         if fault.severity == "error" or not common.quiet:
             print(fault, file=sys.stderr)
-    print(text if common.json else outcome.text, flush=True)
+    _say(text if common.json else outcome.text)
 
 
 def _report_error(error: KiribenchError, as_json: bool) -> int:
@@ -196,9 +195,18 @@ def _report_bug(error: Exception, as_json: bool) -> int:
 
 
 def _print_error_object(faults: Sequence[Fault]) -> None:
-    print(
-        json.dumps(
-            {"schema": "kiribench.error/1", "faults": [fault.as_dict() for fault in faults]},
-            indent=2,
-        )
-    )
+    error = {"schema": "kiribench.error/1", "faults": [fault.as_dict() for fault in faults]}
+    _say(json.dumps(error, indent=2))
+
+
+def _say(text: str) -> None:
+    """Print; a reader that has gone (``| head``) changes neither the exit code nor the log."""
+    try:
+        print(text, flush=True)
+    except BrokenPipeError:
+        _reader_gone()
+
+
+def _reader_gone() -> None:
+    """Nobody reads our output any more: what is left of it goes nowhere."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -205,3 +205,17 @@ def test_out_that_cannot_be_written_is_a_usage_error(run, tmp_path, out):
     assert json.loads(text)["faults"][0]["code"] == "out-not-writable"
     assert "Traceback" not in err
     assert (tmp_path / "kept.txt").read_text(encoding="ascii") == "mine"
+
+
+@pytest.mark.parametrize("name", ["validate", "measure"])
+def test_an_error_without_a_reader_keeps_its_exit_code(name):
+    command = [sys.executable, "-m", "kiribench", name, "/nowhere", "--json"]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    assert process.stdout is not None
+    assert process.stderr is not None
+    process.stdout.close()
+    said = process.stderr.read()
+    process.stderr.close()
+    assert process.wait() == 3
+    assert "Traceback" not in said
+    assert "BrokenPipe" not in said
