@@ -19,7 +19,7 @@ def synth(
     subjects: str | None = None,
     random: int = 0,
     seed: int = 0,
-    edge_mm: float = 2.6,
+    edge_mm: float = 2.22,
     noise_mm: float = 0.0,
     node_noise_mm: float = 0.0,
     holes: int = 0,

@@ -21,16 +21,16 @@ from kiribench.synthetic.worn import Motion, PatchRelief, random_motion
 MARGIN_MM = 26.0
 """Skin scanned around the drawn grid."""
 
-REST_COARSENESS = 1.2
+REST_COARSENESS = 2.0
 """The scan at rest, which is less curved, has edges so many times as long."""
 
-FINE_BESIDE_MM = 10.0
-FINE_LENGTH = 0.65
+FINE_BESIDE_MM = 6.0
+FINE_LENGTH = 0.45
 """Scans are finest over the patch's width and so much more, and over this share of its
 length: over the bend, where the skin is most curved."""
 
-LONGITUDINAL_FINENESS = 1.3
-LATERAL_FINENESS = 1.08
+LONGITUDINAL_FINENESS = 1.25
+LATERAL_FINENESS = 1.15
 """The bent skin is stretched: its scan's points are closer in material mm by these."""
 
 
@@ -40,7 +40,7 @@ class Imperfections:
 
     Attributes:
         edge_mm: length of the bent scans' triangle edges about the patella; elsewhere they grow
-            to 1.8 times that, and at 0 degrees they are 1.2 times as long.
+            to 1.8 times that, and at 0 degrees they are 2 times as long.
         noise_mm: standard deviation of the scans' vertices along the normal, white.
         node_noise_mm: standard deviation of the nodes along each surface direction.
         node_sd_mm: what the tables state as that, where node_noise_mm is 0.
@@ -49,7 +49,7 @@ class Imperfections:
         seed: of all random draws.
     """
 
-    edge_mm: float = 2.6
+    edge_mm: float = 2.22
     noise_mm: float = 0.0
     node_noise_mm: float = 0.0
     node_sd_mm: float = 0.1

@@ -20,7 +20,10 @@ COARSENING = 1.8
 GROWTH = 1.06
 """Ratio of neighbouring steps where they grow."""
 
-JITTER = 0.18
+JITTER = 0.02
+"""Share of the step by which inner points are moved at random: enough that no two scans share
+vertices. Geodesics over the patella multiply the irregularity of the triangles that they cross:
+with 0.18 single cells err by .0025 where the others err by .0005."""
 
 
 @dataclass(frozen=True, eq=False)

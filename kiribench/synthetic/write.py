@@ -164,8 +164,8 @@ def obj_text(scan: Scan, half_extent_mm: tuple[float, float], material_file: str
     lines = [f"mtllib {material_file}", "usemtl skin"]
     for x, y, z in np.round(scan.vertices_mm, 3) + 0.0:
         lines.append(f"v {x:.3f} {y:.3f} {z:.3f}")
-    for s, t in np.clip(np.round(texture, 5), 0.0, 1.0):
-        lines.append(f"vt {s:.5f} {t:.5f}")
+    for s, t in np.clip(np.round(texture, 4), 0.0, 1.0):
+        lines.append(f"vt {s:.4f} {t:.4f}")
     for a, b, c in scan.faces + 1:
         lines.append(f"f {a}/{a} {b}/{b} {c}/{c}")
     return "\n".join(lines) + "\n"

@@ -9,15 +9,26 @@ from typing import Any
 from xml.etree import ElementTree
 
 import pytest
+from scored_knees import SYNTHETIC, scored_knee
 
 from kiribench.cli import main
+from kiribench.dataset import Subject
+from kiribench.regression import suite
+from kiribench.regression.suite import Fresh
 
-SYNTHETIC = Path(__file__).parents[2] / "data" / "synthetic"
+pytestmark = pytest.mark.xdist_group("scored-knees")
 
 
 @pytest.fixture
-def one(tmp_path: Path) -> Path:
-    """The synthetic dataset with subject S1 alone."""
+def one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The synthetic dataset with subject S1 alone; its scans, which no test here changes, are
+    measured and scored once for all tests."""
+    compute = suite.compute
+
+    def shared(subject: Subject) -> Fresh:
+        return scored_knee("S1") if subject.root == root else compute(subject)
+
+    monkeypatch.setattr(suite, "compute", shared)
     root = tmp_path / "synthetic"
     shutil.copytree(
         SYNTHETIC, root, ignore=shutil.ignore_patterns("sub-S2*", "sub-S3*", "*.png", "*.mtl")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import pytest
 from curved_surfaces import grid_uv, nodes_on, patch_mesh
@@ -12,7 +14,7 @@ from kiribench.errors import RegistrationError
 from kiribench.surface.acquisition import Acquired
 from kiribench.surface.mesh import Mesh
 from kiribench.surface.rigid import RigidTransform, rotation_of
-from kiribench.surface.topology import topology
+from kiribench.surface.topology import Topology, topology
 
 
 def limb(uv: np.ndarray) -> np.ndarray:
@@ -36,19 +38,28 @@ def bare() -> Acquired:
     return acquired(patch_mesh(limb, (75.0, 60.0), 1.6, seed=1), SKIN, "flex090")
 
 
+def with_patch(uv: np.ndarray) -> np.ndarray:
+    """The limb under a 2 mm patch."""
+    inside = (np.abs(uv) < 33.0).all(axis=-1)
+    at = limb(uv)
+    outward = at * [0.0, 1.0, 1.0]
+    outward = outward / np.linalg.norm(outward, axis=-1, keepdims=True)
+    return at + 2.0 * inside[..., None] * outward
+
+
+@cache
+def still(half: tuple[float, float]) -> tuple[Mesh, Topology]:
+    """The worn scan before it is moved."""
+    mesh = patch_mesh(with_patch, half, 1.5, seed=2)
+    return mesh, topology(mesh)
+
+
 def worn(motion: RigidTransform, half: tuple[float, float] = (62.0, 50.0)) -> Acquired:
     """The same limb seen again with other triangles, a 2 mm patch on it, and moved."""
-
-    def with_patch(uv: np.ndarray) -> np.ndarray:
-        inside = (np.abs(uv) < 33.0).all(axis=-1)
-        at = limb(uv)
-        outward = at * [0.0, 1.0, 1.0]
-        outward = outward / np.linalg.norm(outward, axis=-1, keepdims=True)
-        return at + 2.0 * inside[..., None] * outward
-
-    mesh = motion.moved(patch_mesh(with_patch, half, 1.5, seed=2))
+    mesh, table = still(half)
+    moved = motion.moved(mesh)
     corners = motion.apply(with_patch(GRID + np.array([1.0, -0.5])))
-    return acquired(mesh, corners, "flex090worn")
+    return Acquired("flex090worn", moved, table, nodes_on(moved, corners), False, (), ())
 
 
 def bring(

@@ -32,10 +32,10 @@ def test_scans_lie_on_the_smooth_skin_and_face_outwards() -> None:
 def test_edges_about_the_patella_are_as_long_as_asked_for() -> None:
     person = stored_subject("S1")
     for name, scan in person.scans.items():
-        inside = (np.abs(scan.q[scan.faces]) < [55.0, 55.0]).all(axis=(1, 2))
+        inside = (np.abs(scan.q[scan.faces]) < [45.0, 40.0]).all(axis=(1, 2))
         corners = scan.vertices_mm[scan.faces[inside]]
         edges = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
-        wanted = person.imperfections.edge_mm * (1.2 if name == "flex000" else 1.0)
+        wanted = person.imperfections.edge_mm * (2.0 if name == "flex000" else 1.0)
         assert edges.mean() == pytest.approx(wanted, rel=0.08)
         everywhere = scan.vertices_mm[scan.faces]
         longest = np.linalg.norm(everywhere - np.roll(everywhere, 1, axis=1), axis=2).max()

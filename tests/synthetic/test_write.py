@@ -23,9 +23,13 @@ COMMITTED = Path(__file__).parents[2] / "data" / "synthetic"
 RECORDS = COMMITTED / "derivatives" / "kiribench"
 """What the analysis made of the data; not the generator's."""
 
+OTHERS = COMMITTED / "design_space"
+"""Another reference table beside the subjects."""
+
 
 def _files(root: Path) -> list[Path]:
-    return [p for p in sorted(root.rglob("*")) if p.is_file() and RECORDS not in p.parents]
+    kept = [p for p in sorted(root.rglob("*")) if p.is_file() and OTHERS not in p.parents]
+    return [p for p in kept if RECORDS not in p.parents]
 
 
 def _hashes(root: Path) -> dict[str, str]:
@@ -38,7 +42,8 @@ def test_a_fresh_generation_equals_the_committed_files(tmp_path: Path) -> None:
 
 
 def test_the_committed_files_are_small_enough() -> None:
-    assert sum(p.stat().st_size for p in _files(COMMITTED)) < 9_000_000
+    files = [*_files(COMMITTED), *(p for p in RECORDS.rglob("*") if p.is_file())]
+    assert sum(p.stat().st_size for p in files) < 10_000_000
 
 
 def test_the_dataset_is_valid_and_has_both_sides() -> None:
@@ -62,7 +67,7 @@ def test_files_hold_the_scans_and_nodes_in_memory(acquisition: str) -> None:
     assert mesh.uv is not None and mesh.texture is not None and mesh.texture.is_file()
     half = np.array(person.half_extent_mm)
     material = (mesh.uv * [2.0, -2.0] + [-1.0, 1.0]) * half
-    np.testing.assert_allclose(material, scan.q, atol=1e-5 * half.max())
+    np.testing.assert_allclose(material, scan.q, atol=1e-4 * half.max())
     nodes = folder.nodes(acquisition)
     np.testing.assert_allclose(
         nodes.grid_xyz_mm(), person.nodes[acquisition].xyz_mm, atol=NODE_FILE_MM
