@@ -267,7 +267,7 @@ def _backend(jobs: int, scheduler: str | None) -> Iterator[dict[str, Any]]:
             got=scheduler,
         ) from error
     try:
-        client = Client(scheduler, timeout="10s")  # type: ignore[no-untyped-call]
+        client = Client(scheduler, timeout="10s")
     except (OSError, ValueError) as error:
         raise UsageError(
             "scheduler-not-reached",

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import product
+from math import comb
 from typing import Any
 
 import numpy as np
@@ -72,6 +73,15 @@ def grid_of(name: str) -> list[dict[str, Any]]:
         )
     grid = GRIDS[name]
     return [dict(zip(grid, values, strict=True)) for values in product(*grid.values())]
+
+
+def _affordable(
+    name: str, settings: list[dict[str, Any]], rows: int, inputs: int
+) -> list[dict[str, Any]]:
+    """Without polynomials of more terms than rows: they fit anything, at great cost."""
+    if name != "polynomial":
+        return settings
+    return [one for one in settings if comb(inputs + one["degree"], inputs) <= rows] or settings[:1]
 
 
 def fit_tuned(
