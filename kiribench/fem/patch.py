@@ -11,7 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from kiribench.fem.assembly import AssembledSystem
-from kiribench.fem.condensed import LANES, CondensedSystem
+from kiribench.fem.batches import LANES
+from kiribench.fem.condensed import CondensedSystem
 from kiribench.fem.equilibrium import LoadStepper
 from kiribench.fem.facet import MeshSpec
 from kiribench.fem.gauge import FacePairs, cell_stretches, site_positions
