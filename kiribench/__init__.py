@@ -18,3 +18,7 @@ Conventions, once for the whole package:
 from __future__ import annotations
 
 __version__ = "0.1.0"
+
+from kiribench.kernel_cache import key_kernel_cache
+
+key_kernel_cache()

@@ -53,7 +53,7 @@ def each(
         raise errors[0]
     if errors:
         faults: dict[Fault, None] = {}
-        for error in errors:
-            faults.update(dict.fromkeys(error.faults))
+        for kept in errors:
+            faults.update(dict.fromkeys(kept.faults))
         raise DataError.of(faults)
     return results

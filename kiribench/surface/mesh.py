@@ -45,7 +45,7 @@ class Mesh:
         corners = self.corners_mm
         normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         length = np.linalg.norm(normal, axis=1, keepdims=True)
-        return np.divide(normal, length, out=np.zeros_like(normal), where=length > 0)
+        return np.asarray(np.divide(normal, length, out=np.zeros_like(normal), where=length > 0))
 
     @cached_property
     def face_areas_mm2(self) -> FloatArray:

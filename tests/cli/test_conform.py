@@ -185,3 +185,17 @@ def test_the_same_seed_gives_the_same_bytes(limb: Path, run: Any) -> None:
     assert table(1) == table(1)
     low = [np.array([row["overlap_low"] for row in table(seed)]) for seed in (1, 2)]
     assert not np.array_equal(*low)
+
+
+@pytest.mark.parametrize(
+    ("flags", "code"),
+    [
+        (("--samples", "99"), "samples-out-of-range"),
+        (("--samples", "1000000000"), "samples-out-of-range"),
+        (("--seed", "-1"), "seed-negative"),
+    ],
+)
+def test_draws_that_cannot_be_are_refused_before_any_work(run, limb, flags, code):
+    exit_code, _, err = run(limb, "--participant", "A", *flags)
+    assert exit_code == 2
+    assert f"error[{code}]" in err

@@ -149,7 +149,7 @@ def _key(figure: Figure, place: tuple[float, float, float, float]) -> None:
         cax=axes,
         ticks=[-1, -0.5, 0, 0.5],
     )
-    bar.outline.set_linewidth(0)  # type: ignore[operator]
+    bar.outline.set_linewidth(0)
     axes.set_ylim(-NU_LIMIT, 0.6)
     axes.tick_params(labelsize=9, length=3, colors=QUIET)
     axes.set_title("ν", fontsize=11, color=INK, pad=6)
