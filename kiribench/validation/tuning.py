@@ -99,7 +99,7 @@ def fit_tuned(
     """
     labels, number = np.unique(group, return_inverse=True)
     count = min(INNER_FOLDS, len(labels))
-    settings = grid_of(name)
+    settings = _affordable(name, grid_of(name), *X.shape)
     if count < 2:
         return Tuned(make(name, seed=seed, device=device, **settings[0]).fit(X, y), settings[0], 0)
     rng = np.random.default_rng([seed, 4000])
