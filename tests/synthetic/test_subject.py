@@ -13,7 +13,7 @@ from tolerances import ROUNDING
 import kiribench
 from kiribench.errors import UsageError
 from kiribench.schema.layout import Grid, Layout, Patch
-from kiribench.synthetic import STORED, Imperfections, random_knee, subject
+from kiribench.synthetic import STORED, Imperfections, Scan, random_knee, subject
 
 SMALL = Layout.of(Grid(rows=6, columns=4), Patch(rows=4, columns=2), body_part="shin")
 
@@ -95,9 +95,15 @@ def test_another_layout_works_by_metadata_alone() -> None:
     )
 
 
+def _area_mm2(scan: Scan) -> float:
+    corners = scan.vertices_mm[scan.faces]
+    sides = corners[:, 1:] - corners[:, :1]
+    return float(np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1).sum() / 2)
+
+
 def test_flaws_are_what_was_asked_for() -> None:
     flaws = Imperfections(
-        edge_mm=4.0, noise_mm=0.1, node_noise_mm=0.3, holes=3, missing_nodes=5, seed=2
+        edge_mm=2.0, noise_mm=0.1, node_noise_mm=0.3, holes=3, missing_nodes=5, seed=2
     )
     person = subject("S1", layout=SMALL, imperfections=flaws)
     scan = person.scans["flex000"]
@@ -106,9 +112,9 @@ def test_flaws_are_what_was_asked_for() -> None:
     np.testing.assert_allclose(along, scan.noise_mm, atol=1e-11)
     # Three sampling errors of a standard deviation.
     assert np.std(scan.noise_mm) == pytest.approx(0.1, rel=3 / np.sqrt(2 * len(along)))
-    whole = subject("S1", layout=SMALL, imperfections=Imperfections(edge_mm=4.0, seed=2))
-    lost = len(whole.scans["flex000"].faces) - len(scan.faces)
-    assert 3 * 0.5 * np.pi * 25 < lost * 4.0**2 * np.sqrt(3) / 4 < 3 * 1.5 * np.pi * 81
+    whole = subject("S1", layout=SMALL, imperfections=Imperfections(edge_mm=2.0, seed=2))
+    lost_mm2 = _area_mm2(whole.scans["flex000"]) - _area_mm2(scan)
+    assert 3 * 0.5 * np.pi * 5**2 < lost_mm2 < 3 * 1.5 * np.pi * 9**2
     assert len(np.unique(scan.faces)) == len(scan.vertices_mm)
     assert all(nodes.missing.sum() == 5 for nodes in person.nodes.values())
 
