@@ -145,7 +145,8 @@ def _uncertainty(score: Conformability) -> str:
         f"{score.seed}) of the node positions, with a standard deviation of {skin:.3g} mm (skin) "
         f"and {patch:.3g} mm (patch) in each direction, and of the registration. Noise can only "
         "take from a perfect fit, so a good cell reads slightly low; the table of all cells gives "
-        "what a perfect fit would read."
+        "what a perfect fit would read. A 95 % interval holds the fits that would read so; in "
+        "repeated simulations it held the truth in 94 to 100 % of the readings."
     )
 
 
