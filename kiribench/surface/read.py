@@ -38,7 +38,8 @@ def read_scan(path: Path, *, units: str = "mm") -> Scan:
         path: an OBJ, PLY, STL, GLB or glTF file.
         units: the unit of the file's coordinates: ``mm``, ``cm``, ``m`` or ``in``. No format
             but glTF has a unit of its own, and scanners ignore that one too: the sidecar's
-            unit is what counts, and the nodes are held against it and the drawn pitch by ``kiribench validate``.
+            unit is what counts, and ``kiribench validate`` holds it against the nodes and
+            the drawn pitch.
 
     Raises:
         MeshError: ``mesh-unknown-unit``, ``mesh-unknown-format``, ``mesh-unreadable`` and
