@@ -6,11 +6,13 @@ All give the finished designs one by one, as plain JSON objects, in any order.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from functools import partial
 from typing import Any
 
 from kiribench.errors import NotConvergedError, UsageError
 from kiribench.fem.campaign_piece import simulate_design
 from kiribench.fem.campaign_settings import CampaignSettings, Design
+from kiribench.processes import in_processes
 
 Pieces = Iterator[dict[str, Any]]
 
@@ -22,30 +24,13 @@ def run_here(settings: CampaignSettings, designs: Sequence[Design]) -> Pieces:
 
 
 def run_processes(settings: CampaignSettings, designs: Sequence[Design], jobs: int) -> Pieces:
-    """``jobs`` local processes (joblib's loky), one thread each.
+    """``jobs`` local processes, one thread each.
 
     Raises:
         NotConvergedError: the system ended a worker, for want of memory most likely.
     """
-    from joblib import Parallel, delayed, parallel_config
-    from joblib.externals.loky.process_executor import TerminatedWorkerError
-
     _compile(settings)
-    try:
-        with parallel_config(backend="loky", inner_max_num_threads=1):
-            yield from Parallel(
-                n_jobs=jobs,
-                return_as="generator_unordered",
-                batch_size=1,
-                pre_dispatch="all",
-            )(delayed(simulate_design)(settings, design) for design in designs)
-    except TerminatedWorkerError as error:
-        raise NotConvergedError(
-            "worker-ended",
-            "The system ended a worker process, for want of memory most likely.",
-            remedy="Start again with fewer --jobs; the finished designs are kept.",
-            got=jobs,
-        ) from error
+    yield from in_processes(partial(simulate_design, settings), designs, jobs)
 
 
 def _compile(settings: CampaignSettings) -> None:

@@ -12,6 +12,7 @@ from typing import Any
 
 from kiribench import __version__
 from kiribench.errors import UsageError
+from kiribench.processes import in_processes
 from kiribench.surrogate.registry import spec
 from kiribench.validation.cost import cost_of, expected_seconds
 from kiribench.validation.fitting import Piece, chunked, is_gp, run_piece
@@ -241,22 +242,21 @@ def _work(pieces: list[Piece], jobs: int, scheduler: str | None) -> Iterator[lis
         for piece in pieces:
             yield run_piece(piece)
         return
+    if scheduler is None:
+        yield from in_processes(run_piece, pieces, jobs)
+        return
     from joblib import Parallel, delayed
 
-    with _backend(jobs, scheduler) as settings:
-        yield from Parallel(return_as="generator_unordered", **settings)(
+    with _cluster(scheduler):
+        yield from Parallel(return_as="generator_unordered", n_jobs=-1, batch_size=1)(
             delayed(run_piece)(piece) for piece in pieces
         )
 
 
 @contextmanager
-def _backend(jobs: int, scheduler: str | None) -> Iterator[dict[str, Any]]:
+def _cluster(scheduler: str) -> Iterator[None]:
     from joblib import parallel_config
 
-    if scheduler is None:
-        with parallel_config(backend="loky", inner_max_num_threads=1):
-            yield {"n_jobs": jobs, "batch_size": 1, "pre_dispatch": "2*n_jobs"}
-        return
     try:
         from distributed import Client
     except ImportError as error:
@@ -276,4 +276,4 @@ def _backend(jobs: int, scheduler: str | None) -> Iterator[dict[str, Any]]:
             got=scheduler,
         ) from error
     with client, parallel_config(backend="dask"):
-        yield {"n_jobs": -1, "batch_size": 1}
+        yield
