@@ -146,7 +146,8 @@ def _uncertainty(score: Conformability) -> str:
         f"and {patch:.3g} mm (patch) in each direction, and of the registration. Noise can only "
         "take from a perfect fit, so a good cell reads slightly low; the table of all cells gives "
         "what a perfect fit would read. A 95 % interval holds the fits that would read so; in "
-        "repeated simulations it held the truth in 94 to 100 % of the readings."
+        "repeated simulations it held the truth in 94 to 100 % of the readings by 'paper', in 92 "
+        "to 100 % by 'strict' and 'iou'."
     )
 
 
