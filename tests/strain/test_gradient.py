@@ -133,3 +133,15 @@ def test_stretches_and_shear_are_those_that_went_in(
     fibres = rotation(turn) @ triangular(longitudinal, lateral, shear)
     cosine = fibres[:, 0] @ fibres[:, 1] / np.prod(np.linalg.norm(fibres, axis=0))
     assert np.pi / 2.0 - np.arccos(cosine) == pytest.approx(np.arctan(shear), abs=1e-9)
+
+
+@given(gradient=matrices, shape=matrices)
+@settings(max_examples=50, deadline=None)
+def test_any_reference_quad_gives_the_gradient_it_was_deformed_by(
+    gradient: np.ndarray, shape: np.ndarray
+) -> None:
+    # A square reference commutes with everything: it cannot tell F from its mirror product.
+    trapezoid = CELL * [[1.0, 0.8], [1.0, 0.8], [1.0, 1.1], [1.0, 1.1]]
+    reference = trapezoid @ shape.T
+    deformed = reference @ gradient.T + [3.0, -2.0]
+    np.testing.assert_allclose(gradient_of(reference, deformed), gradient, atol=LINEAR_ALGEBRA)
