@@ -89,6 +89,7 @@ def test_a_missing_record_fails_and_update_writes_it(
     one: Path, capsys: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("kiribench.regression.suite.VARIANTS", ())
+    monkeypatch.delenv("CI", raising=False)
     record = one / "derivatives/kiribench/sub-S1/sub-S1_strain.tsv"
     record.unlink()
     exit_code, result = run(capsys, one)
