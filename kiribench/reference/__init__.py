@@ -1,0 +1,1 @@
+"""Designs against a reference: simulated flat or worn, measured in a tensile test."""
