@@ -1,1 +1,8 @@
 """Camera frames and load data of a stretched sample to strain and Poisson curves."""
+
+from __future__ import annotations
+
+from kiribench.tensile.result import MEASURED, STATES, Curve, TensileTest
+from kiribench.tensile.tables import read_tensile, write_tensile
+
+__all__ = ["MEASURED", "STATES", "Curve", "TensileTest", "read_tensile", "write_tensile"]
