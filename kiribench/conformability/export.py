@@ -208,5 +208,6 @@ def frame_text(result: Conformability) -> str:
         "kept": f"both scans fit as they are{rms}; registering would not improve it.",
         "assumed": "ASSUMED to be the same: too little skin outside the patch to check.",
         "none": "taken as given (registration none).",
+        "predicted": "none needed: the patch was computed on the bare scan, not worn.",
     }
     return what[frame.method]

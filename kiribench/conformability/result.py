@@ -109,7 +109,8 @@ class FrameReport:
         method: ``registered`` (by the skin outside the patch), ``declared`` (the sidecar
             says RegisteredTo), ``kept`` (registering would not have improved the
             fit significantly), ``assumed`` (too little skin outside the patch; the patch
-            already lies on the skin) or ``none`` (asked for).
+            already lies on the skin), ``none`` (asked for) or ``predicted`` (no worn scan: the
+            corners were computed on the bare scan).
         rotation_deg, shift_mm: size of the motion applied to the worn scan (shift of
             the patch's centre).
         residual_rms_mm: point-to-plane rms of the skin used, or None.
@@ -121,7 +122,7 @@ class FrameReport:
             the registration alone is varied.
     """
 
-    method: Literal["registered", "declared", "kept", "assumed", "none"]
+    method: Literal["registered", "declared", "kept", "assumed", "none", "predicted"]
     rotation_deg: float
     shift_mm: float
     residual_rms_mm: float | None

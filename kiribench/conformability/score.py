@@ -12,12 +12,13 @@ from kiribench.conformability.cells import score_cells
 from kiribench.conformability.frame import Registering, bring_together
 from kiribench.conformability.grades import grade_of, region_score, region_scores
 from kiribench.conformability.montecarlo import FlatCells, changed_grades, vary
-from kiribench.conformability.outlines import flat_outlines
+from kiribench.conformability.outlines import FlatOutlines, flat_outlines
 from kiribench.conformability.projection import project_to_skin
 from kiribench.conformability.result import (
     DEFINITIONS,
     Alignment,
     Conformability,
+    FrameReport,
     GradeBy,
 )
 from kiribench.dataset import Subject
@@ -179,7 +180,50 @@ def score_acquired(
             "No cell of the patch has all its corners on both scans.",
             remedy="Complete the nodes tables, or check the patch's offset in the grid.",
         )
-    outlines = flat_outlines(bare.mesh, skin, patch, bare.topology)
+    return score_outlines(
+        participant,
+        flat_outlines(bare.mesh, skin, patch, bare.topology),
+        reason,
+        region,
+        options,
+        skin_sd_mm=skin.sd_mm,
+        patch_sd_mm=worn.nodes.sd_mm,
+        lift_off_mm=lift,
+        frame=brought.report,
+        draws_mm=brought.draws_mm,
+        cell_mm=cell_mm,
+        rng=rng,
+        notes=(*bare.notes, *worn.notes, *brought.notes),
+        warnings=(*bare.warnings, *worn.warnings, *brought.warnings),
+    )
+
+
+def score_outlines(
+    participant: str,
+    outlines: FlatOutlines,
+    reason: NDArray[np.str_],
+    region: NDArray[np.str_],
+    options: ScoreOptions,
+    *,
+    skin_sd_mm: FloatArray,
+    patch_sd_mm: FloatArray,
+    lift_off_mm: FloatArray,
+    frame: FrameReport,
+    draws_mm: FloatArray | None,
+    cell_mm: float,
+    rng: np.random.Generator,
+    notes: tuple[str, ...] = (),
+    warnings: tuple[Fault, ...] = (),
+) -> Conformability:
+    """Score cells whose outlines lie in flat frames, wherever these come from.
+
+    Args:
+        outlines: of skin and patch cells. reason, region: (R, C), see :class:`Conformability`.
+        skin_sd_mm, patch_sd_mm: (R+1, C+1) node sd per direction.
+        lift_off_mm: (R+1, C+1) of the patch corners. frame: how the scans came together.
+        draws_mm: (n, R+1, C+1, 3) displacements of the patch by the frame's uncertainty, or
+            None. cell_mm: of the patch. rng: of the draws.
+    """
     scores = score_cells(outlines, reason, options.grade_by, options.alignment)
     overlap = scores.overlap.by(options.grade_by)
     out = ~np.isfinite(overlap)
@@ -191,20 +235,19 @@ def score_acquired(
     varied = vary(
         cells,
         overlap,
-        skin.sd_mm,
-        worn.nodes.sd_mm,
-        brought.draws_mm,
+        skin_sd_mm,
+        patch_sd_mm,
+        draws_mm,
         definition=options.grade_by,
         alignment=options.alignment,
         samples=options.samples,
         rng=rng,
     )
-    frame = brought.report
-    if brought.draws_mm is not None:
+    if draws_mm is not None:
         changed = changed_grades(
             cells,
             overlap,
-            brought.draws_mm,
+            draws_mm,
             definition=options.grade_by,
             alignment=options.alignment,
         )
@@ -239,15 +282,15 @@ def score_acquired(
         patch_outline_mm=scores.patch,
         skin_outline_3d_mm=outlines.skin_3d,
         patch_outline_3d_mm=outlines.patch_3d,
-        lift_off_mm=lift,
+        lift_off_mm=lift_off_mm,
         regions=region_scores(region, overlap, grade, varied.draws),
         whole=region_score("all", np.ones(grade.shape, dtype=bool), overlap, grade, varied.draws),
         frame=frame,
         samples=options.samples,
         seed=options.seed,
-        node_sd_mm=(float(np.nanmedian(skin.sd_mm)), float(np.nanmedian(worn.nodes.sd_mm))),
-        notes=(*bare.notes, *worn.notes, *brought.notes, *_bias_note(varied.perfect_fit_reading)),
-        warnings=(*bare.warnings, *worn.warnings, *brought.warnings),
+        node_sd_mm=(float(np.nanmedian(skin_sd_mm)), float(np.nanmedian(patch_sd_mm))),
+        notes=(*notes, *_bias_note(varied.perfect_fit_reading)),
+        warnings=warnings,
     )
 
 

@@ -51,6 +51,7 @@ FRAME_WORDS = {
     "assumed": "was taken to lie in the frame of the bare flexed scan, because too little skin "
     "is visible outside the patch to register by",
     "none": "was not registered, as asked for",
+    "predicted": "does not exist: the patch was computed on the bare scan",
 }
 
 
