@@ -8,14 +8,13 @@ a fault: an error if it cannot be mended, a warning with the magnitude if it was
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
-from kiribench.errors import Fault, Severity
 from kiribench.surface import connectivity
+from kiribench.surface.clean_flat import drop_degenerate
+from kiribench.surface.clean_state import Cleaned
+from kiribench.surface.clean_weld import weld
 from kiribench.surface.mesh import FloatArray, IntArray, Mesh
 
 SPECK_FRACTION = 0.01
@@ -25,71 +24,8 @@ LARGEST_DIAGONAL_MM = 10_000.0
 SMALLEST_DIAGONAL_MM = 5.0
 FARTHEST_ORIGIN_MM = 1e6
 
-NEAR_FRACTION = 1e-3
-"""Border vertices closer than this share of the shortest edge at them are one vertex."""
-
-FLAT_FRACTION = 1e-7
-"""A face is degenerate if its height over the longest edge is below this share of it."""
-
 INWARD_LIMIT = -0.2
 """Below this mean cosine between normals and directions from the centre, it is inside out."""
-
-
-@dataclass
-class Cleaned:
-    """The state of a scan on its way through the stages.
-
-    Attributes:
-        xyz: (n, 3) float64 vertices, mm; faces: (m, 3) int32, as they are now.
-        face_source: (m,) the face of the given mesh that each face was (or lies in, if remade).
-        vertex_source: (n,) the vertex of the given mesh that each vertex was.
-        welded_to: (n given,) the vertex that stands for each given vertex.
-        twin: (m given,) the face that a dropped duplicate equals, itself otherwise.
-        flipped: (m,) whether the winding was reversed.
-        remade: (m,) whether an edge flip changed the corners (degenerate neighbours).
-        faults: what was found, with severity.
-        counts: the numbers for the health report.
-    """
-
-    xyz: FloatArray
-    faces: IntArray
-    file: str | None
-    face_source: NDArray[np.int64]
-    vertex_source: NDArray[np.int64]
-    welded_to: NDArray[np.int64]
-    twin: NDArray[np.int64]
-    flipped: NDArray[np.bool_]
-    remade: NDArray[np.bool_]
-    faults: list[Fault] = field(default_factory=list)
-    counts: dict[str, int] = field(default_factory=dict)
-    _grouped: tuple[IntArray, IntArray, NDArray[np.int64]] | None = None
-
-    def edges(self) -> tuple[IntArray, NDArray[np.int64]]:
-        """The edge groups (order, starts) of the faces as they are now, computed once."""
-        if self._grouped is None or self._grouped[0] is not self.faces:
-            order, starts = connectivity.edge_groups(self.faces, len(self.xyz))
-            self._grouped = (self.faces, order, starts)
-        return self._grouped[1], self._grouped[2]
-
-    @property
-    def usable(self) -> bool:
-        """Whether no error was found so far."""
-        return not any(fault.severity == "error" for fault in self.faults)
-
-    def found(
-        self, code: str, what: str, remedy: str, *, severity: Severity = "warning", **more: Any
-    ) -> None:
-        """Note a fault of this scan."""
-        self.faults.append(
-            Fault(code, what, remedy=remedy, file=self.file, severity=severity, **more)
-        )
-
-    def keep(self, kept: NDArray[np.bool_]) -> None:
-        """Keep only the faces where ``kept`` (m,) is true."""
-        self.faces = np.ascontiguousarray(self.faces[kept])
-        self.face_source = self.face_source[kept]
-        self.flipped = self.flipped[kept]
-        self.remade = self.remade[kept]
 
 
 def clean(mesh: Mesh, *, file: str | None = None) -> Cleaned:
@@ -109,8 +45,8 @@ def clean(mesh: Mesh, *, file: str | None = None) -> Cleaned:
     for stage in (
         _meaning,
         _size,
-        _weld,
-        _degenerate,
+        weld,
+        drop_degenerate,
         _duplicates,
         _specks,
         _three_faces,
@@ -120,7 +56,7 @@ def clean(mesh: Mesh, *, file: str | None = None) -> Cleaned:
         _unreferenced,
     ):
         stage(work)
-        if not work.usable and stage in (_meaning, _size, _degenerate):
+        if not work.usable and stage in (_meaning, _size, drop_degenerate):
             break
     return work
 
@@ -197,203 +133,6 @@ def _size(work: Cleaned) -> None:
             got=f"{farthest:.6g} mm from the origin",
             expected=f"at most {FARTHEST_ORIGIN_MM:g} mm",
         )
-
-
-def _weld(work: Cleaned) -> None:
-    """Make vertices one that lie on each other and whose edges then join."""
-    work.counts["unwelded_vertices"] = 0
-    count = len(work.xyz)
-    zeroed = work.xyz + 0.0  # -0 becomes 0
-    same = connectivity.coincident_vertices(zeroed.view(np.uint64)).astype(np.int64)
-    same = _with_near(work, same)
-    if np.array_equal(same, np.arange(count)):
-        return
-    welded = same[work.faces].astype(np.int32)
-    order, starts = connectivity.edge_groups(welded, count)
-    closing = np.zeros(count, dtype=bool)
-    marked = connectivity.closing_vertices(work.faces, welded, order, starts)
-    closing[: len(marked)] = marked
-    chosen = np.flatnonzero(closing)
-    lowest = np.full(count, count)
-    np.minimum.at(lowest, same[chosen], chosen)
-    target = np.arange(count)
-    target[chosen] = lowest[same[chosen]]
-    number = int((target != np.arange(count)).sum())
-    if number == 0:
-        return
-    work.welded_to = target
-    work.faces = np.ascontiguousarray(target[work.faces].astype(np.int32))
-    work.counts["unwelded_vertices"] = number
-    gap = float(np.linalg.norm(work.xyz - work.xyz[target], axis=1)[closing].max())
-    work.found(
-        "mesh-unwelded",
-        f"{number} of {count} vertices repeat another (up to {gap:.2g} mm apart), so that the "
-        "surface falls apart; they are welded.",
-        "Nothing to do; or export with shared vertices.",
-    )
-
-
-def _with_near(work: Cleaned, same: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Join border vertices that differ by rounding only to their coincident groups."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-    from scipy.spatial import cKDTree
-
-    count = len(work.xyz)
-    if np.array_equal(same, np.arange(count)):
-        welded = work.faces
-        order, starts = work.edges()
-    else:
-        welded = same[work.faces].astype(np.int32)
-        order, starts = connectivity.edge_groups(welded, count)
-    single = order[starts[:-1][np.diff(starts) == 1]]
-    if len(single) == 0:
-        return same
-    border = np.unique(
-        np.concatenate([welded[single // 3, single % 3], welded[single // 3, (single + 1) % 3]])
-    )
-    half = order[starts[:-1]]
-    tail, head = welded[half // 3, half % 3], welded[half // 3, (half + 1) % 3]
-    lengths = np.linalg.norm(work.xyz[head] - work.xyz[tail], axis=1)
-    # Never more than the median: a few long edges must not make the search wide.
-    shortest = np.full(count, np.median(lengths))
-    np.minimum.at(shortest, tail, lengths)
-    np.minimum.at(shortest, head, lengths)
-    reach = NEAR_FRACTION * shortest[border]
-    if reach.max() <= 0:
-        return same
-    pairs = cKDTree(work.xyz[border]).query_pairs(reach.max(), output_type="ndarray")
-    first, second = pairs.T
-    apart = np.linalg.norm(work.xyz[border[first]] - work.xyz[border[second]], axis=1)
-    pairs = pairs[apart <= np.minimum(reach[first], reach[second])]
-    if len(pairs) == 0:
-        return same
-    joined = coo_array(
-        (np.ones(len(pairs), dtype=bool), (border[pairs[:, 0]], border[pairs[:, 1]])),
-        shape=(count, count),
-    )
-    label = connected_components(joined, directed=False)[1]
-    lowest = np.full(label.max() + 1, count)
-    np.minimum.at(lowest, label, np.arange(count))
-    return np.asarray(lowest[label][same], dtype=np.int64)
-
-
-def _degenerate(work: Cleaned) -> None:
-    """Drop faces with a repeated vertex; flip away faces whose corners lie on one line."""
-    a, b, c = work.faces.T
-    repeated = (a == b) | (b == c) | (c == a)
-    number = int(repeated.sum())
-    if number:
-        work.keep(~repeated)
-    flat = _flat_faces(work.xyz, work.faces)
-    in_line = int(flat.sum())
-    work.counts["degenerate_faces"] = number + in_line
-    if len(work.faces) == in_line:
-        work.found(
-            "mesh-no-area",
-            "Every face of the scan is degenerate: the surface has no area.",
-            "Export the scan again.",
-            severity="error",
-        )
-        return
-    if in_line > 0.05 * len(work.faces):
-        work.found(
-            "mesh-degenerate",
-            f"{in_line} of {len(work.faces)} faces have no area.",
-            "Remesh the scan in the scanner's software and export it again.",
-            severity="error",
-            got=f"{in_line / len(work.faces):.1%}",
-            expected="at most 5%",
-        )
-        return
-    if in_line:
-        _flip_flat(work)
-    if number + in_line:
-        work.found(
-            "mesh-degenerate-faces",
-            f"{number + in_line} faces without area ({number} with a repeated vertex, {in_line} "
-            "with corners on one line) are removed, the latter by edge flips.",
-            "Nothing to do.",
-        )
-
-
-def _flat_faces(xyz: FloatArray, faces: IntArray) -> NDArray[np.bool_]:
-    """(m,) bool: height over the longest edge below ``FLAT_FRACTION`` of it."""
-    p, q, r = (xyz[faces[:, corner]] for corner in range(3))
-    longest = np.zeros(len(faces))
-    for s, t in ((p, q), (q, r), (r, p)):
-        difference = t - s
-        np.maximum(longest, np.einsum("ij,ij->i", difference, difference), out=longest)
-    twice_area = np.linalg.norm(np.cross(q - p, r - p), axis=1)
-    return np.asarray(twice_area <= FLAT_FRACTION * longest)
-
-
-def _collapse_short(work: Cleaned) -> None:
-    """Make one the ends of the short side of each flat face that has a short side."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
-    flat = np.flatnonzero(_flat_faces(work.xyz, work.faces))
-    corners = work.xyz[work.faces[flat]]
-    sides = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2)
-    short = sides.argmin(axis=1)
-    needle = sides.min(axis=1) <= 10 * FLAT_FRACTION * sides.max(axis=1)
-    if not needle.any():
-        return
-    face, side = flat[needle], short[needle]
-    ends = work.faces[face, side], work.faces[face, (side + 1) % 3]
-    count = len(work.xyz)
-    joined = coo_array((np.ones(len(face), dtype=bool), ends), shape=(count, count))
-    label = connected_components(joined, directed=False)[1]
-    lowest = np.full(label.max() + 1, count)
-    np.minimum.at(lowest, label, np.arange(count))
-    target = lowest[label]
-    work.welded_to = target[work.welded_to]
-    work.faces = np.ascontiguousarray(target[work.faces].astype(np.int32))
-    p, q, r = work.faces.T
-    work.keep((p != q) & (q != r) & (r != p))
-
-
-def _flip_flat(work: Cleaned) -> None:
-    """Flip the longest side of each flat face with its neighbour; drop it on a border."""
-    _collapse_short(work)
-    for _ in range(8):
-        flat = _flat_faces(work.xyz, work.faces)
-        if not flat.any():
-            return
-        order, starts = work.edges()
-        edge_of = np.empty(len(order), dtype=np.int64)
-        edge_of[order] = np.repeat(np.arange(len(starts) - 1), np.diff(starts))
-        touched = flat.copy()
-        faces = work.faces.copy()
-        dropped = np.zeros(len(faces), dtype=bool)
-        for face in np.flatnonzero(flat):
-            side = _longest_side(work.xyz[work.faces[face]])
-            edge = edge_of[3 * face + side]
-            halves = order[starts[edge] : starts[edge + 1]]
-            if len(halves) != 2:
-                dropped[face] = True
-                continue
-            other, other_side = divmod(int(halves.sum()) - int(3 * face + side), 3)
-            if touched[other]:
-                continue
-            u, v = work.faces[face, side], work.faces[face, (side + 1) % 3]
-            w = work.faces[face, (side + 2) % 3]
-            x = work.faces[other, (other_side + 2) % 3]
-            if x != w and work.faces[other, other_side] == v:
-                faces[face] = (u, x, w)
-                faces[other] = (x, v, w)
-                touched[other] = True
-                work.remade[face] = work.remade[other] = True
-                work.face_source[face] = work.face_source[other]
-        work.faces = faces
-        if dropped.any():
-            work.keep(~dropped)
-    work.keep(~_flat_faces(work.xyz, work.faces))
-
-
-def _longest_side(corners: FloatArray) -> int:
-    return int(np.argmax(np.linalg.norm(np.roll(corners, -1, axis=0) - corners, axis=1)))
 
 
 def _duplicates(work: Cleaned) -> None:

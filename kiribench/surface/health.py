@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from kiribench.errors import Fault
 from kiribench.surface import connectivity
-from kiribench.surface.clean import Cleaned, clean
+from kiribench.surface.clean import clean
+from kiribench.surface.clean_state import Cleaned
 from kiribench.surface.mesh import IntArray, Mesh
 
 

@@ -18,10 +18,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kiribench.errors import NotConvergedError, RegistrationError
-from kiribench.surface import connectivity, denoise_kernels
-from kiribench.surface.face_grid import face_grid
-from kiribench.surface.locate import locate
 from kiribench.surface.mesh import FloatArray, Mesh
+from kiribench.surface.register_covariance import block_rms, covariance_of
+from kiribench.surface.register_descent import (
+    FEWEST,
+    Descent,
+    Partners,
+    area_samples,
+    descend,
+    rows_of,
+    trimmed,
+)
 from kiribench.surface.rigid import RigidTransform, rotation_of
 
 TRIM = 0.8
@@ -30,24 +37,15 @@ LEAST_OVERLAP = 0.3
 LEAST_INLIERS = 0.4
 LEAST_POINTS = 200
 LARGEST_RMS_MM = 1.0
-LARGEST_ANGLE_DEG = 45.0
 SYSTEMATIC_MM = 0.01
-MOST_ITERATIONS = 60
 
-_OUTLIER_SIGMAS = 3.0
-_SIGMA_OF_QUARTILE = 3.1383  # of |x|: less misled by nearly half of wrong points than the median
-_FLOOR_MM = 0.01  # residuals below this are never outliers
-_BLOCK_MM = 10.0  # residuals within a block may be correlated
 # A round ends with a step of this many of its own standard errors.
 _ROUND_ENDS = (3.0, 1.0, 0.1)
 _STALLED = 1.0
 _SHIFT_MM = 3.0  # starts to compare lie this far off: a patch is about 2 mm thick
 _FEW = 1500  # points to compare starts with
-_FEWEST = 20
 _MOST_TRIED = 20  # steps a round, to compare starts
 _FINE_MM = 0.05
-_LEAST_STEP_MM = 1e-7
-_FREE = 1e-9  # share of the stiffest direction below which one is left alone
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,17 +163,17 @@ def register(
     if not 0.0 < trim <= 1.0:
         raise ValueError(f"trim is a share in (0, 1], not {trim}")
     rng = np.random.default_rng(seed)
-    points, directions = _area_samples(moving, exclude_moving, samples, rng)
-    partners = _Partners(fixed, exclude_fixed)
+    points, directions = area_samples(moving, exclude_moving, samples, rng)
+    partners = Partners(fixed, exclude_fixed)
     pose = initial or RigidTransform.identity()
     pairs = partners.find(pose.apply(points), directions @ pose.rotation.T)
     _require(len(pairs.residual) / len(points), len(pairs.residual), least_overlap)
-    initial_rms = float(np.sqrt(np.mean(pairs.residual[_trimmed(pairs.residual, trim)] ** 2)))
-    descent = _descend(partners, points, directions, pose, _rounds(trim))
+    initial_rms = float(np.sqrt(np.mean(pairs.residual[trimmed(pairs.residual, trim)] ** 2)))
+    descent = descend(partners, points, directions, pose, _rounds(trim))
     iterations = descent.iterations
     if _doubtful(partners, points, directions, descent):
         pose, tried = _best_start(partners, points, directions, descent.pose, trim)
-        descent = _descend(partners, points, directions, pose, _rounds(trim))
+        descent = descend(partners, points, directions, pose, _rounds(trim))
         iterations += tried + descent.iterations
     pose = descent.pose
     pairs = partners.find(pose.apply(points), directions @ pose.rotation.T)
@@ -186,8 +184,8 @@ def register(
             f"The registration still moved after {iterations} steps.",
             remedy="Give a better first guess (corresponding nodes), or exclude what differs.",
         )
-    used = _trimmed(pairs.residual, 1.0)
-    rows, centre, reach = _rows(pairs, used)
+    used = trimmed(pairs.residual, 1.0)
+    rows, centre, reach = rows_of(pairs, used)
     residual = pairs.residual[used]
     rms = float(np.sqrt(np.mean(residual**2)))
     if len(residual) < LEAST_INLIERS * len(pairs.residual):
@@ -212,11 +210,11 @@ def register(
         translation_mm=pose.translation_mm,
         residual_rms_mm=rms,
         initial_rms_mm=initial_rms,
-        misfit_rms_mm=_block_rms(residual, pairs.position[used]),
+        misfit_rms_mm=block_rms(residual, pairs.position[used]),
         inlier_fraction=len(residual) / len(points),
         overlap_fraction=len(pairs.residual) / len(points),
         points_used=len(residual),
-        covariance=_covariance(rows, residual, pairs.position[used], reach, systematic_mm),
+        covariance=covariance_of(rows, residual, pairs.position[used], reach, systematic_mm),
         firmness=float(np.sqrt(max(np.linalg.eigvalsh(rows.T @ rows)[0], 0.0) / len(rows))),
         centre_mm=centre,
         iterations=iterations,
@@ -229,20 +227,20 @@ def _rounds(trim: float) -> tuple[tuple[float, float], ...]:
 
 
 def _doubtful(
-    partners: _Partners, points: FloatArray, directions: FloatArray, descent: _Descent
+    partners: Partners, points: FloatArray, directions: FloatArray, descent: Descent
 ) -> bool:
     """Whether many points do not fit, or fit with residuals that are no noise."""
     pairs = partners.find(descent.pose.apply(points), directions @ descent.pose.rotation.T)
-    if len(pairs.residual) < _FEWEST:
+    if len(pairs.residual) < FEWEST:
         return False
-    used = _trimmed(pairs.residual, 1.0)
+    used = trimmed(pairs.residual, 1.0)
     rms = float(np.sqrt(np.mean(pairs.residual[used] ** 2)))
-    structured = _block_rms(pairs.residual[used], pairs.position[used]) > 0.5 * rms
+    structured = block_rms(pairs.residual[used], pairs.position[used]) > 0.5 * rms
     return len(used) < 0.85 * len(pairs.residual) or (structured and rms > _FINE_MM)
 
 
 def _best_start(
-    partners: _Partners,
+    partners: Partners,
     points: FloatArray,
     directions: FloatArray,
     pose: RigidTransform,
@@ -261,7 +259,7 @@ def _best_start(
     iterations = 0
     for shift in shifts:
         start = RigidTransform(np.eye(3), shift).after(pose)
-        descent = _descend(partners, points, directions, start, _rounds(trim)[:2], _MOST_TRIED)
+        descent = descend(partners, points, directions, start, _rounds(trim)[:2], _MOST_TRIED)
         iterations += descent.iterations
         turned = directions @ descent.pose.rotation.T
         square = np.sort(partners.find(descent.pose.apply(points), turned).residual ** 2)
@@ -270,112 +268,6 @@ def _best_start(
     most = max(partnered for _, partnered, _ in found)
     near = [entry for entry in found if entry[1] >= 0.8 * most]
     return min(near, key=lambda entry: entry[0])[2], iterations
-
-
-@dataclass(frozen=True, eq=False)
-class _Descent:
-    pose: RigidTransform
-    iterations: int
-    last_step: float  # in its own standard errors
-
-
-def _descend(
-    partners: _Partners,
-    points: FloatArray,
-    directions: FloatArray,
-    pose: RigidTransform,
-    rounds: tuple[tuple[float, float], ...],
-    most: int = MOST_ITERATIONS,
-) -> _Descent:
-    """Iterate closest points from ``pose`` through ``rounds``."""
-    iterations = 0
-    last = np.inf
-    for share, negligible in rounds:
-        for _ in range(most):
-            pairs = partners.find(pose.apply(points), directions @ pose.rotation.T)
-            used = _trimmed(pairs.residual, share)
-            if len(used) < _FEWEST:
-                return _Descent(pose, iterations, np.inf)
-            rows, centre, reach = _rows(pairs, used)
-            residual = pairs.residual[used]
-            scaled = _solve(rows, residual)
-            turn = rotation_of(scaled[:3] / reach)
-            shift = centre - turn @ centre + scaled[3:]
-            pose = RigidTransform(turn, shift).after(pose)
-            iterations += 1
-            effect = float(np.linalg.norm(rows @ scaled))
-            noise = float(np.sqrt(np.mean((residual - rows @ scaled) ** 2)))
-            last = effect / max(noise, _LEAST_STEP_MM * np.sqrt(len(residual)))
-            if last <= negligible:
-                break
-    return _Descent(pose, iterations, last)
-
-
-@dataclass(frozen=True, eq=False)
-class _Pairs:
-    position: FloatArray  # (k, 3) on the moving scan, fixed frame
-    normal: FloatArray  # (k, 3) of the fixed scan at the partner
-    residual: FloatArray  # (k,) along the normal, from the point to its partner
-
-
-class _Partners:
-    """The fixed scan, ready to be asked for closest points."""
-
-    def __init__(self, mesh: Mesh, exclude: NDArray[np.bool_] | None) -> None:
-        self._mesh = mesh
-        self._grid = face_grid(mesh)
-        self._allowed = np.ones(len(mesh.faces), dtype=bool)
-        if exclude is not None:
-            self._allowed &= ~exclude
-        count = len(mesh.vertices_mm)
-        self._normals = denoise_kernels.vertex_directions(
-            mesh.face_normals, mesh.face_areas_mm2, mesh.faces, count
-        )
-        order, starts = connectivity.edge_groups(mesh.faces, count)
-        border = order[starts[:-1][np.diff(starts) == 1]]
-        on_border = np.zeros(count, dtype=bool)
-        on_border[mesh.faces[border // 3, border % 3]] = True
-        on_border[mesh.faces[border // 3, (border + 1) % 3]] = True
-        self._allowed &= ~on_border[mesh.faces].any(axis=1)
-
-    def find(self, points: FloatArray, directions: FloatArray) -> _Pairs:
-        found = locate(self._mesh, points, grid=self._grid).points
-        corners = self._mesh.faces[found.faces]
-        normal = np.einsum("kc,kcx->kx", found.barycentric, self._normals[corners])
-        normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
-        kept = self._allowed[found.faces] & (
-            np.einsum("kx,kx->k", normal, directions) > np.cos(np.radians(LARGEST_ANGLE_DEG))
-        )
-        gap = found.positions_mm(self._mesh)[kept] - points[kept]
-        return _Pairs(points[kept], normal[kept], np.einsum("kx,kx->k", gap, normal[kept]))
-
-
-def _area_samples(
-    mesh: Mesh, exclude: NDArray[np.bool_] | None, samples: int, rng: np.random.Generator
-) -> tuple[FloatArray, FloatArray]:
-    """Points uniform in area on the allowed faces, and the smooth normals there."""
-    area = mesh.face_areas_mm2.copy()
-    if exclude is not None:
-        area[exclude] = 0.0
-    if not area.sum() > 0:
-        raise RegistrationError(
-            "registration-overlap",
-            "Nothing is left of the moving scan outside the excluded part.",
-            remedy="Exclude less: the skin around the patch is what registers the scans.",
-        )
-    # Systematic sampling of the cumulated area: even, whatever the size of the faces.
-    ticks = (np.arange(samples) + rng.random()) / samples * area.sum()
-    face = np.minimum(np.searchsorted(np.cumsum(area), ticks, side="right"), len(area) - 1)
-    root, along = np.sqrt(rng.random(samples)), rng.random(samples)
-    weights = np.column_stack([1.0 - root, root * (1.0 - along), root * along])
-    normals = denoise_kernels.vertex_directions(
-        mesh.face_normals, mesh.face_areas_mm2, mesh.faces, len(mesh.vertices_mm)
-    )
-    corners = mesh.faces[face]
-    points = np.einsum("kc,kcx->kx", weights, mesh.vertices_mm[corners])
-    direction = np.einsum("kc,kcx->kx", weights, normals[corners])
-    direction /= np.maximum(np.linalg.norm(direction, axis=1, keepdims=True), 1e-30)
-    return np.asarray(points), np.asarray(direction)
 
 
 def _require(overlap: float, points: int, least: float) -> None:
@@ -389,73 +281,3 @@ def _require(overlap: float, points: int, least: float) -> None:
         got=f"{overlap:.0%} of the skin outside the patch ({points} points)",
         expected=f"at least {least:.0%} and {LEAST_POINTS} points",
     )
-
-
-def _trimmed(residual: FloatArray, trim: float) -> NDArray[np.intp]:
-    """The points to use: the best ``trim`` share, less those beyond 3 robust sigmas."""
-    if len(residual) == 0:  # a start or a step that lost every partner
-        return np.zeros(0, dtype=np.intp)
-    size = np.abs(residual)
-    limit = _OUTLIER_SIGMAS * _SIGMA_OF_QUARTILE * float(np.quantile(size, 0.25))
-    kept = np.argsort(size, kind="stable")[: max(6, int(np.ceil(trim * len(size))))]
-    return np.sort(kept[size[kept] <= max(limit, _FLOOR_MM)])
-
-
-def _rows(pairs: _Pairs, used: NDArray[np.intp]) -> tuple[FloatArray, FloatArray, float]:
-    """The equations ``rows @ (reach * w, t) = residual`` about the points' centre."""
-    position, normal = pairs.position[used], pairs.normal[used]
-    centre = position.mean(axis=0)
-    arm = position - centre
-    reach = float(np.sqrt(np.mean(np.sum(arm**2, axis=1))))
-    return np.hstack([np.cross(arm, normal) / reach, normal]), centre, reach
-
-
-def _solve(rows: FloatArray, residual: FloatArray) -> FloatArray:
-    """Least squares; directions that the shape leaves free are not moved along."""
-    values, vectors = np.linalg.eigh(rows.T @ rows)
-    firm = values > _FREE * values[-1]
-    along = vectors.T @ (rows.T @ residual)
-    return np.asarray(vectors @ np.where(firm, along / np.where(firm, values, 1.0), 0.0))
-
-
-def _blocks(position: FloatArray) -> NDArray[np.int64]:
-    """(k,) number of the 10 mm block that each point lies in."""
-    block = np.floor(position / _BLOCK_MM).astype(np.int64)
-    return np.unique(block, axis=0, return_inverse=True)[1].reshape(-1).astype(np.int64)
-
-
-def _block_rms(residual: FloatArray, position: FloatArray) -> float:
-    label = _blocks(position)
-    points = np.bincount(label)
-    mean = np.bincount(label, weights=residual) / points
-    return float(np.sqrt(np.average(mean**2, weights=points)))
-
-
-def _covariance(
-    rows: FloatArray,
-    residual: FloatArray,
-    position: FloatArray,
-    reach: float,
-    systematic_mm: float,
-) -> FloatArray:
-    """Sandwich covariance in (radians, mm), with 10 mm blocks as clusters (Liang and Zeger 1986,
-    doi 10.1093/biomet/73.1.13), and what a smooth error of the shape adds.
-    """
-    normal = rows.T @ rows
-    values, vectors = np.linalg.eigh(normal)
-    inverse = (vectors / np.maximum(values, _FREE * values[-1])) @ vectors.T
-    label = _blocks(position)
-    blocks = int(label.max()) + 1
-    score = np.zeros((blocks, 6))
-    np.add.at(score, label, rows * residual[:, None])
-    freedom = blocks / max(blocks - 6, 1)
-    # Few blocks make the sandwich too small by chance: never below independence.
-    robust = inverse @ (freedom * score.T @ score) @ inverse
-    plain = inverse * float(residual @ residual) / max(len(residual) - 6, 1)
-    scale = np.diag([1.0 / reach] * 3 + [1.0] * 3)
-    larger = robust if np.trace(robust) > np.trace(plain) else plain
-    # A smooth error field e moves the solution by inverse rows' e; here it is taken to lie in
-    # the span of the six columns, in no preferred direction.
-    smooth = systematic_mm**2 * len(rows) / 6.0 * inverse
-    covariance = scale @ (larger + smooth) @ scale
-    return np.asarray(0.5 * (covariance + covariance.T))

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kiribench.errors import MeshError
-from kiribench.surface.clean import Cleaned, clean
+from kiribench.surface.clean import clean
+from kiribench.surface.clean_state import Cleaned
 from kiribench.surface.mesh import FloatArray, IntArray, Mesh, SurfacePoints
 
 _MENDED = frozenset(
