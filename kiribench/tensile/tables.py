@@ -281,7 +281,7 @@ def _table(path: Path, required: dict[str, str]) -> TsvTable:
     table, faults = parse_tsv(path.read_bytes(), file=str(path))
     if table is None or any(fault.severity == "error" for fault in faults):
         raise TableError.of([fault for fault in faults if fault.severity == "error"] or faults)
-    optional = ("longitudinal_stretch_sd", "lateral_stretch_sd")
+    optional: tuple[str, ...] = ("longitudinal_stretch_sd", "lateral_stretch_sd")
     optional += ("block_longitudinal_stretch", "block_lateral_stretch")
     optional += tuple(name for name in CURVE_COLUMNS if name.endswith(("_mean", "_sd")))
     missing = [name for name in required if name not in table.columns and name not in optional]
