@@ -14,8 +14,6 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from kiribench.errors import DataError
-
 FloatArray = npt.NDArray[np.float64]
 
 
@@ -60,79 +58,6 @@ def uniaxial_stress(material: Material, stretch: FloatArray) -> FloatArray:
     return np.asarray(
         2 * material.mu_mpa / alpha * (stretch ** (alpha - 1) - stretch ** (-alpha / 2 - 1))
     )
-
-
-@dataclass(frozen=True)
-class Fit:
-    """A law fitted to a tension test.
-
-    Attributes:
-        material: the law.
-        largest_strain: engineering strain up to which the test was used.
-        rms_mpa: root mean square error of the nominal stress, MPa.
-        points: rows of the test that were used.
-    """
-
-    material: Material
-    largest_strain: float
-    rms_mpa: float
-    points: int
-
-
-def _check_test(strain: FloatArray, stress_mpa: FloatArray, largest_strain: float) -> FloatArray:
-    used = (strain >= 0) & (strain <= largest_strain)
-    if used.sum() < 5 or strain.shape != stress_mpa.shape:
-        raise DataError(
-            "tension-test-short",
-            "The tension test has too few points in the range of the fit.",
-            remedy="Raise the largest strain, or give a test with at least five points in it.",
-            got=int(used.sum()),
-            expected="5 or more",
-        )
-    return np.asarray(used)
-
-
-def _misfit(material: Material, strain: FloatArray, stress_mpa: FloatArray) -> float:
-    error = uniaxial_stress(material, 1 + strain) - stress_mpa
-    return float(np.sqrt(np.mean(error * error)))
-
-
-def fit_neo_hookean(strain: FloatArray, stress_mpa: FloatArray, largest_strain: float) -> Fit:
-    """Least-squares mu of a tension test: engineering strain (n,), nominal stress (n,) MPa.
-
-    Raises:
-        DataError: fewer than five points up to ``largest_strain``; raise it.
-    """
-    used = _check_test(strain, stress_mpa, largest_strain)
-    unit = uniaxial_stress(NeoHookean(1.0), 1 + strain[used])
-    law = NeoHookean(float(unit @ stress_mpa[used] / (unit @ unit)))
-    misfit = _misfit(law, strain[used], stress_mpa[used])
-    return Fit(law, largest_strain, misfit, int(used.sum()))
-
-
-def fit_ogden(strain: FloatArray, stress_mpa: FloatArray, largest_strain: float) -> Fit:
-    """Least-squares (mu, alpha) of a tension test: engineering strain (n,), stress (n,) MPa.
-
-    mu is linear and eliminated; alpha is found by a bounded scalar search on [1, 10].
-
-    Raises:
-        DataError: fewer than five points up to ``largest_strain``; raise it.
-    """
-    from scipy.optimize import minimize_scalar
-
-    used = _check_test(strain, stress_mpa, largest_strain)
-
-    def law(alpha: float) -> Ogden:
-        unit = uniaxial_stress(Ogden(1.0, alpha), 1 + strain[used])
-        return Ogden(float(unit @ stress_mpa[used] / (unit @ unit)), alpha)
-
-    def cost(alpha: float) -> float:
-        return _misfit(law(float(alpha)), strain[used], stress_mpa[used])
-
-    found = minimize_scalar(cost, bounds=(1.0, 10.0), method="bounded", options={"xatol": 1e-10})
-    best = law(float(found.x))
-    misfit = _misfit(best, strain[used], stress_mpa[used])
-    return Fit(best, largest_strain, misfit, int(used.sum()))
 
 
 @njit(cache=True, inline="always", error_model="numpy")
