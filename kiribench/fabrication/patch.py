@@ -1,0 +1,283 @@
+"""The patch for the machine: slits, hoops, label, UP marks and registration marks.
+
+The drawing shows the outer face: the one that looks away from the skin. On a right leg lateral
+is on the viewer's left, on a left leg on his right; the label reads from outside in both cases.
+A design without a side is drawn with lateral on the left and says LAT and MED.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from kiribench.errors import Fault
+from kiribench.fabrication import hoops as hoop_shapes
+from kiribench.fabrication.drawing import Drawing, page
+from kiribench.fabrication.hoops import Hoops
+from kiribench.fabrication.lettering import drawable, fitting_height, text, text_width
+from kiribench.fabrication.profile import Profile
+from kiribench.fabrication.slits import Slits, beam_paths
+from kiribench.fabrication.strokes import FloatArray, Stroke, polyline
+from kiribench.lattice import CutMap
+from kiribench.schema.patch_design import PatchDesign
+
+LETTER_MM, SMALLEST_LETTER_MM = 2.5, 1.2
+TICK_MM = 2.0
+"""Length of the registration ticks on the hoops' necks."""
+CROSS = 0.4
+"""Size of a registration cross / edge of a facet."""
+
+
+@dataclass(frozen=True)
+class PatchOptions:
+    """How a patch is drawn.
+
+    Attributes:
+        kerf_mm: width that the beam burns away, mm.
+        hoops: measures of the strap hoops, None for a patch without.
+        fiducials: whether registration marks are drawn.
+    """
+
+    kerf_mm: float = 0.0
+    hoops: Hoops | None = Hoops()
+    fiducials: bool = True
+
+
+@dataclass(frozen=True, eq=False)
+class PatchPlan:
+    """The patch as it will be cut.
+
+    Attributes:
+        design: what is cut.
+        cut_map: its cuts.
+        slits: the beam's paths in patch coordinates (x from the lateral, y from the proximal
+            edge, mm).
+        part: all strokes of the patch as seen on the outer face (x right, y down, mm), origin in
+            the page-left corner of the proximal end.
+        fiducials_mm: (n, 2) centres of the registration crosses in patch coordinates.
+        mirrored: whether lateral lies on the right of the page.
+        options: as asked for.
+        warnings: what was left out.
+    """
+
+    design: PatchDesign
+    cut_map: CutMap
+    slits: Slits
+    part: tuple[Stroke, ...]
+    fiducials_mm: FloatArray
+    mirrored: bool
+    options: PatchOptions
+    warnings: tuple[Fault, ...]
+
+
+def plan_patch(design: PatchDesign, options: PatchOptions) -> PatchPlan:
+    """All strokes of a patch.
+
+    Raises:
+        UsageError: the hoops do not fit (see :func:`hoops.place_hoops`).
+    """
+    cut_map = CutMap(design.a, design.b, design.cell_mm)
+    slits = beam_paths(cut_map, options.kerf_mm)
+    width, _ = cut_map.size_mm
+    mirrored = design.side.lower() == "left"
+    bare = slits.strokes()
+    if options.hoops is not None:
+        bare += hoop_shapes.windows(
+            cut_map.columns, cut_map.rows, cut_map.cell_mm, options.hoops
+        )
+    fiducials = fiducial_centres(cut_map) if options.fiducials else np.zeros((0, 2))
+    bare += crosses(fiducials, cut_map.cell_mm)
+    if options.fiducials and options.hoops is not None:
+        bare += _ticks(cut_map, options.hoops)
+    bare.append(
+        hoop_shapes.outline(cut_map.columns, cut_map.rows, cut_map.cell_mm, options.hoops)
+    )
+    mirror = width if mirrored else None
+    part = [stroke.moved((0.0, 0.0), mirror_x_mm=mirror) for stroke in bare]
+    label, warnings = _label(design, cut_map, options.hoops, mirrored)
+    return PatchPlan(
+        design,
+        cut_map,
+        slits,
+        (*part, *label),
+        fiducials,
+        mirrored,
+        options,
+        (*_slit_warnings(slits, options.kerf_mm, design), *warnings),
+    )
+
+
+def draw_patch(plan: PatchPlan, name: str, profile: Profile) -> Drawing:
+    """The page of the patch."""
+    return page(name, f"Kirigami patch {name}", plan.part, info_lines(plan), profile)
+
+
+def info_lines(plan: PatchPlan) -> list[str]:
+    """What is marked beside the patch."""
+    design = plan.design
+    rows, columns = design.shape
+    who = f"sub-{design.participant}" if design.participant else "no subject"
+    side = f"{design.side} side" if design.side else "side not stated"
+    return [
+        f"{who}, {side}, {design.method}",
+        f"{rows} × {columns} cells of {design.cell_mm:g} mm, {len(plan.slits)} slits, "
+        f"kerf {plan.options.kerf_mm:g} mm",
+        f"outer face up, lateral on the {'right' if plan.mirrored else 'left'}",
+    ]
+
+
+def fiducial_centres(cut_map: CutMap) -> FloatArray:
+    """(n, 2) centres of the facets that carry a cross, patch coordinates, mm.
+
+    The facets next to the four corner facets on the diagonal, and one half-way down the lateral
+    side, so that the marks fit in one way only.
+    """
+    rows, columns = 2 * cut_map.rows, 2 * cut_map.columns
+    near_row, near_column = int(rows >= 4), int(columns >= 4)
+    facets = {
+        (near_row, near_column),
+        (near_row, columns - 1 - near_column),
+        (rows - 1 - near_row, near_column),
+        (rows - 1 - near_row, columns - 1 - near_column),
+        (rows // 2, near_column),
+    }
+    return cut_map.cell_mm / 2 * np.array([(j + 0.5, i + 0.5) for i, j in sorted(facets)])
+
+
+def crosses(centres: FloatArray, cell_mm: float) -> list[Stroke]:
+    """A cross in each of the facets with the given centres."""
+    arm = CROSS * cell_mm / 4
+    strokes = []
+    for x, y in centres:
+        strokes.append(polyline("fiducial", [(x - arm, y), (x + arm, y)]))
+        strokes.append(polyline("fiducial", [(x, y - arm), (x, y + arm)]))
+    return strokes
+
+
+def _ticks(cut_map: CutMap, hoops: Hoops) -> list[Stroke]:
+    """A tick on every hoop's neck that ends in the cell corner at the patch's end."""
+    _, long = cut_map.size_mm
+    strokes = []
+    for hoop in hoop_shapes.place_hoops(cut_map.columns, cut_map.cell_mm, hoops):
+        strokes.append(polyline("fiducial", [(hoop.x_mm, 0.0), (hoop.x_mm, -TICK_MM)]))
+        strokes.append(polyline("fiducial", [(hoop.x_mm, long), (hoop.x_mm, long + TICK_MM)]))
+    return strokes
+
+
+@dataclass(frozen=True)
+class _Box:
+    """A place for a word: its middle and base line in patch coordinates, and its width."""
+
+    x_mm: float
+    base_mm: float
+    width_mm: float
+
+
+def _label(
+    design: PatchDesign, cut_map: CutMap, hoops: Hoops | None, mirrored: bool
+) -> tuple[list[Stroke], list[Fault]]:
+    """Words and UP marks on the patch itself, in the frame of the outer face."""
+    width, long = cut_map.size_mm
+    words = ["UP"]
+    if design.participant:
+        words.append(design.participant)
+    if design.side:
+        words.append(design.side)
+    words += ["LAT", "MED"]
+    boxes = _boxes(cut_map, hoops)
+    middle, last = len(boxes) // 2, len(boxes) - 1
+    if len(boxes) >= len(words):
+        free = [i for i in range(1, last) if i != middle]
+        places = {"UP": middle, "LAT": 0, "MED": last}
+        for word in words[1:-2]:
+            places[word] = free.pop(0)
+    else:
+        places = dict(zip(words, range(len(boxes)), strict=False))
+    strokes: list[Stroke] = []
+    faults = []
+    for word in words:
+        box = boxes[places[word]] if word in places else None
+        drawn = None if box is None else _word(word, box, width, mirrored)
+        if drawn is None:
+            faults.append(_no_room(word))
+        else:
+            strokes += drawn
+    if hoops is not None and "UP" in places:
+        box = boxes[places["UP"]]
+        base = long + TICK_MM + 0.8 + LETTER_MM
+        strokes += _word("UP", _Box(box.x_mm, base, box.width_mm), width, mirrored) or []
+    return strokes, faults
+
+
+def _boxes(cut_map: CutMap, hoops: Hoops | None) -> list[_Box]:
+    """Places for words at the proximal end: the hoops' necks, else the first row's facets."""
+    if hoops is not None:
+        placed = hoop_shapes.place_hoops(cut_map.columns, cut_map.cell_mm, hoops)
+        return [_Box(h.x_mm, -TICK_MM - 0.8, h.neck_width_mm - 1.6) for h in placed]
+    facet = cut_map.cell_mm / 2
+    room = facet - 1.6
+    return [
+        _Box((j + 0.5) * facet, 0.5 * facet + min(LETTER_MM, room) / 2, room)
+        for j in range(2 * cut_map.columns)
+        if j not in (1, 2 * cut_map.columns - 2) or cut_map.rows > 1
+    ]
+
+
+def _word(word: str, box: _Box, width: float, mirrored: bool) -> list[Stroke] | None:
+    x = width - box.x_mm if mirrored else box.x_mm
+    arrow = word == "UP"
+    # The arrow is as wide as one letter.
+    height = fitting_height(f"{word}  " if arrow else word, box.width_mm, LETTER_MM, 1.0)
+    if height is None or height < SMALLEST_LETTER_MM:
+        return None
+    if not arrow:
+        return text("label", word, (x, box.base_mm), height, anchor=0.5)
+    left = x - text_width("UP  ", height) / 2
+    strokes = text("label", word, (left, box.base_mm), height)
+    tip, foot = box.base_mm - height, box.base_mm
+    shaft = left + text_width("UP ", height) + height / 3
+    barb = height / 3
+    strokes.append(polyline("label", [(shaft, foot), (shaft, tip)]))
+    strokes.append(
+        polyline("label", [(shaft - barb, tip + barb), (shaft, tip), (shaft + barb, tip + barb)])
+    )
+    return strokes
+
+
+def _no_room(word: str) -> Fault:
+    return Fault(
+        "label-no-room",
+        f"There is no room on the patch for the mark '{drawable(word)}'.",
+        "It stands in the text beside the patch; write it on the patch by hand.",
+        severity="warning",
+    )
+
+
+def _slit_warnings(slits: Slits, kerf_mm: float, design: PatchDesign) -> list[Fault]:
+    faults = []
+    if len(slits.left_out):
+        p, q = (int(n) for n in slits.left_out[0])
+        faults.append(
+            Fault(
+                "slit-below-kerf",
+                f"{len(slits.left_out)} cuts of the design are hardly longer than the kerf and "
+                f"are left out; the first is at x = {p * design.cell_mm / 2:g} mm, "
+                f"y = {q * design.cell_mm / 2:g} mm.",
+                "A beam of this width makes them a hole; nothing need be done.",
+                severity="warning",
+                got=f"kerf {kerf_mm:g} mm",
+            )
+        )
+    if design.side.lower() not in ("left", "right"):
+        faults.append(
+            Fault(
+                "side-not-stated",
+                "The design does not say left or right: the patch is drawn with its lateral "
+                "edge on the left, which is the outer face of a right one.",
+                'Put "Side": "left" or "right" into the sidecar of the design.',
+                severity="warning",
+                got=design.side or None,
+            )
+        )
+    return faults
