@@ -9,7 +9,7 @@ Two forms are read, as CSV, TSV or Parquet:
   column ``strain_measure``, or by the caller.
 
 Further columns that are used where they are there: ``design``, ``status`` (rows that are not
-``ok`` are dropped and counted), ``mesh_error_poisson``. Others are ignored.
+``ok`` are dropped and counted), ``mesh_error_poisson``, ``nominal_stress_mpa``. Others are ignored.
 """
 
 from __future__ import annotations
@@ -52,6 +52,8 @@ class DesignSpace:
         measure: ``log``, ``engineering`` or ``green``.
         mesh_error_poisson: (n,) the simulation's own error of Poisson's ratio, or ``None``.
         longitudinal_stretch, lateral_stretch: (n,), or ``None`` in a table of strains.
+        nominal_stress_mpa: (n,) pulling force / undeformed section, NaN where it is no number,
+            or ``None`` in a table without it.
         table_row: (n,) 1-based data row of the file.
         dropped: rows left out, by reason.
         sidecar: the JSON sidecar's content, empty where there is none.
@@ -68,6 +70,7 @@ class DesignSpace:
     mesh_error_poisson: FloatArray | None = None
     longitudinal_stretch: FloatArray | None = None
     lateral_stretch: FloatArray | None = None
+    nominal_stress_mpa: FloatArray | None = None
     table_row: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     dropped: dict[str, int] = field(default_factory=dict)
     sidecar: dict[str, Any] = field(default_factory=dict)
@@ -146,6 +149,9 @@ def read_design_space(path: Path, *, measure: str | None = None) -> DesignSpace:
     error = None
     if "mesh_error_poisson" in frame.columns:
         error = _numbers(frame, ["mesh_error_poisson"], table_row, path, missing_ok=True)
+    stress = None
+    if "nominal_stress_mpa" in frame.columns:
+        stress = _numbers(frame, ["nominal_stress_mpa"], table_row, path, missing_ok=True)
     used, number = np.unique(design[some], return_inverse=True)
     return DesignSpace(
         file=path,
@@ -159,6 +165,7 @@ def read_design_space(path: Path, *, measure: str | None = None) -> DesignSpace:
         mesh_error_poisson=None if error is None else error["mesh_error_poisson"][some],
         longitudinal_stretch=numbers["longitudinal_stretch"][some] if stretches else None,
         lateral_stretch=numbers["lateral_stretch"][some] if stretches else None,
+        nominal_stress_mpa=None if stress is None else stress["nominal_stress_mpa"][some],
         table_row=table_row[some],
         dropped=dropped,
         sidecar=sidecar,

@@ -4,13 +4,17 @@ The file is safetensors: plain arrays and one JSON string, nothing that runs whe
 read. A Gaussian process keeps its data and hyperparameters and is conditioned anew when
 it is loaded; other models keep data, settings and seed and are fitted anew. Both must
 give back the predictions that were stored with them.
+
+Where the table holds the nominal stress, a Gaussian process of Poisson's ratio carries a second
+one of the logarithm of the secant modulus, ``ln(stress / strain)``: it stays finite at strain 0,
+is positive by construction, and its error is a relative one over a range of forces of 30 to 1.
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +35,7 @@ SCHEMA = "kiribench.model/1"
 PROBES = 16
 PROBE_TOLERANCE = 1e-6  # of the targets' range; other versions of the libraries may differ
 FOLDS = 10
+STRESS = "stress."  # before the names of the second model's arrays
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,6 +68,8 @@ class KeptModel:
         estimator: the scikit-learn estimator.
         probes: (k, 3) points and (k,) means there, to check a loaded model.
         arrays: what the file holds besides the probes.
+        target: what is predicted: ``poisson_ratio``, or ``log_secant_modulus`` (of MPa).
+        stress: the model of the secant modulus fitted to the same table, or ``None``.
     """
 
     name: str
@@ -76,6 +83,8 @@ class KeptModel:
     estimator: Regressor
     probes: tuple[FloatArray, FloatArray]
     arrays: Arrays
+    target: str = "poisson_ratio"
+    stress: KeptModel | None = None
 
     def predict(
         self,
@@ -85,7 +94,7 @@ class KeptModel:
         *,
         measure: str | None = None,
     ) -> Prediction:
-        """Poisson's ratio at the given points, which are broadcast against each other.
+        """The target at the given points, which are broadcast against each other.
 
         Args:
             a_percent, b_percent: cut lengths, percent of the cell.
@@ -117,6 +126,32 @@ class KeptModel:
             return Prediction(mean, sd, inside)
         return Prediction(np.asarray(self.estimator.predict(points)), None, inside)
 
+    def predict_stress(
+        self,
+        a_percent: ArrayLike,
+        b_percent: ArrayLike,
+        longitudinal_strain: ArrayLike,
+        *,
+        measure: str | None = None,
+    ) -> Prediction:
+        """Nominal stress in MPa, with its standard deviation to first order; see :meth:`predict`.
+
+        Raises:
+            UsageError: the table had no stress, or as :meth:`predict`.
+        """
+        if self.stress is None:
+            raise UsageError(
+                "surrogate-without-stress",
+                "The surrogate knows Poisson's ratio only.",
+                remedy="Fit a Gaussian process (kiribench fit) to a table with the column "
+                "nominal_stress_mpa, such as kiribench simulate writes.",
+            )
+        modulus = self.stress.predict(a_percent, b_percent, longitudinal_strain, measure=measure)
+        strain = np.broadcast_arrays(a_percent, b_percent, longitudinal_strain)[2].ravel()
+        stress = strain * np.exp(modulus.mean)
+        sd = None if modulus.sd is None else np.abs(stress) * modulus.sd
+        return Prediction(stress, sd, modulus.inside)
+
 
 def fit_table(
     space: DesignSpace,
@@ -137,8 +172,36 @@ def fit_table(
     """
     # A fixed order of the rows: forests depend on it, and the file stores it for nothing.
     order = np.lexsort((space.longitudinal_strain, space.b_percent, space.a_percent))
-    X, y, design = space.inputs[order], space.poisson_ratio[order], space.design[order]
-    estimator = make(model, seed=seed, device=device, **settings)
+    X, design = space.inputs[order], space.design[order]
+    known: dict[str, Any] = {"name": model, "settings": settings, "seed": seed}
+    known |= {"device": device, "space": space}
+    kept = _fit(X, space.poisson_ratio[order], design, target="poisson_ratio", **known)
+    if space.nominal_stress_mpa is None or not spec(model).is_gp:
+        return kept
+    with np.errstate(invalid="ignore", divide="ignore"):
+        modulus = space.nominal_stress_mpa[order] / X[:, 2]
+    some = np.isfinite(modulus) & (modulus > 0)
+    if some.sum() < 2:
+        return kept
+    stress = _fit(
+        X[some], np.log(modulus[some]), design[some], target="log_secant_modulus", **known
+    )
+    return replace(kept, stress=stress)
+
+
+def _fit(
+    X: FloatArray,
+    y: FloatArray,
+    design: NDArray[np.int64],
+    *,
+    target: str,
+    name: str,
+    settings: dict[str, Any],
+    seed: int,
+    device: str,
+    space: DesignSpace,
+) -> KeptModel:
+    estimator = make(name, seed=seed, device=device, **settings)
     estimator.fit(X, y)
     probes = _probes(X, seed)
     summary: dict[str, Any] = {
@@ -158,7 +221,7 @@ def fit_table(
         summary["hyperparameters"] = estimator.hyperparameters_.as_dict()
         summary["designs_left_out"] = _left_out(estimator, design, y, seed)
     return KeptModel(
-        name=model,
+        name=name,
         settings=settings,
         seed=seed,
         measure=space.measure,
@@ -169,6 +232,7 @@ def fit_table(
         estimator=estimator,
         probes=(probes, np.asarray(estimator.predict(probes))),
         arrays=state_of(estimator, X, y),
+        target=target,
     )
 
 
@@ -180,20 +244,34 @@ def save(kept: KeptModel, path: Path) -> None:
     """
     from safetensors.numpy import save as encode
 
-    record = {
+    record: dict[str, Any] = {
         "schema": SCHEMA,
         "model": kept.name,
         "settings": kept.settings,
         "seed": kept.seed,
         "strain_measure": kept.measure,
         "columns": ["a_percent", "b_percent", "longitudinal_strain"],
-        "target": "poisson_ratio",
+        "target": kept.target,
         "low": kept.low.tolist(),
         "high": kept.high.tolist(),
         "summary": kept.summary,
         "provenance": kept.provenance,
     }
-    arrays = dict(kept.arrays) | {"probe_points": kept.probes[0], "probe_means": kept.probes[1]}
+    arrays = _arrays(kept)
+    if kept.stress is not None:
+        record["stress"] = {
+            "target": kept.stress.target,
+            "low": kept.stress.low.tolist(),
+            "high": kept.stress.high.tolist(),
+            "summary": kept.stress.summary,
+            "arrays": sorted(_arrays(kept.stress)),
+        }
+        # Designs and strains are those of Poisson's ratio: stored once.
+        arrays |= {
+            STRESS + name: array
+            for name, array in _arrays(kept.stress).items()
+            if not (name in arrays and np.array_equal(arrays[name], array))
+        }
     arrays = {name: np.ascontiguousarray(array) for name, array in arrays.items()}
     try:
         text = json.dumps(record, sort_keys=True, allow_nan=False)
@@ -220,7 +298,24 @@ def load(path: Path | str, *, device: str = "cpu") -> KeptModel:
     """
     path = Path(path)
     record, arrays = _read(path)
+    own = {name: array for name, array in arrays.items() if not name.startswith(STRESS)}
+    kept = _restored(record, own, path, device)
+    if "stress" not in record:
+        return kept
+    names = record["stress"]["arrays"]
+    further = {name: arrays[STRESS + name if STRESS + name in arrays else name] for name in names}
+    stress = _restored(record | record["stress"], further, path, device)
+    return replace(kept, stress=stress)
+
+
+def _arrays(kept: KeptModel) -> Arrays:
+    return dict(kept.arrays) | {"probe_points": kept.probes[0], "probe_means": kept.probes[1]}
+
+
+def _restored(record: dict[str, Any], arrays: Arrays, path: Path, device: str) -> KeptModel:
+    """One of the models of a file, checked against its stored predictions."""
     model, settings, seed = record["model"], dict(record["settings"]), int(record["seed"])
+    arrays = dict(arrays)
     probes = (arrays.pop("probe_points"), arrays.pop("probe_means"))
     estimator = with_state(make(model, seed=seed, device=device, **settings), record, arrays)
     spread = float(np.ptp(probes[1])) or 1.0
@@ -246,6 +341,7 @@ def load(path: Path | str, *, device: str = "cpu") -> KeptModel:
         estimator=estimator,
         probes=probes,
         arrays=arrays,
+        target=record["target"],
     )
 
 
@@ -323,6 +419,7 @@ def _left_out(
     return {
         "folds": count,
         "rmse": float(np.sqrt(np.mean(error**2))),
+        "median_error": float(np.median(np.abs(error))),
         "max_error": float(np.abs(error).max()),
         "coverage95": float(np.mean(np.abs(error) <= 1.959963984540054 * sd)),
     }

@@ -1,0 +1,103 @@
+"""What Poisson's ratio any allowed cuts can have at a strain."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kiribench.design.box_newton import minimise_in_box
+from kiribench.design.response import Jet, Response
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+GRID_STEP = 0.02
+"""Of the coarse grid, fraction of the cell edge: the paper's table has steps of 0.05."""
+
+STARTS = 4
+"""Local extremes of the grid that Newton's method starts from, a cell."""
+
+
+@dataclass(frozen=True, eq=False)
+class Reachable:
+    """The range of a response over the allowed cuts, for n cells.
+
+    Attributes:
+        low, high: (n,) smallest and largest value.
+        at_low, at_high: (n, 2) cuts that have it, fractions.
+    """
+
+    low: FloatArray
+    high: FloatArray
+    at_low: FloatArray
+    at_high: FloatArray
+
+    def nearest(self, target: FloatArray) -> FloatArray:
+        """(n,) the targets, where out of reach the nearest value within."""
+        return np.clip(target, self.low, self.high)
+
+    def distance(self, target: FloatArray) -> FloatArray:
+        """(n,) of the targets to the range, 0 inside."""
+        return np.maximum(np.maximum(self.low - target, target - self.high), 0.0)
+
+
+def axis(high: float) -> FloatArray:
+    """The coarse grid's axis from 0 to the longest cut."""
+    return np.linspace(0.0, high, 1 + int(np.ceil(high / GRID_STEP - 1e-9)))
+
+
+def reachable(response: Response, high: float, grid: FloatArray | None = None) -> Reachable:
+    """The global extremes: from the best local ones of a coarse grid, by Newton's method.
+
+    Args:
+        response: of n cells.
+        high: longest cut, fraction.
+        grid: (n, A, A) the response on :func:`axis`, if it is there already.
+    """
+    ticks = axis(high)
+    values = response.on_grid(ticks, ticks) if grid is None else grid
+    low, at_low = _least(response, values, ticks, 1.0)
+    high_, at_high = _least(response, -values, ticks, -1.0)
+    return Reachable(low, -high_, at_low, at_high)
+
+
+def local_minima(values: FloatArray) -> NDArray[np.bool_]:
+    """(n, A, B) whether no neighbour on the grid is smaller."""
+    padded = np.pad(values, ((0, 0), (1, 1), (1, 1)), constant_values=np.inf)
+    lowest = np.ones(values.shape, dtype=bool)
+    rows, columns = values.shape[1:]
+    for i in range(3):
+        for j in range(3):
+            if (i, j) != (1, 1):
+                lowest &= values <= padded[:, i : i + rows, j : j + columns]
+    return lowest
+
+
+def starts_of(values: FloatArray, ticks: FloatArray, count: int) -> tuple[FloatArray, IntArray]:
+    """The ``count`` lowest local minima of each cell's grid: (k, 2) points, (k,) cells."""
+    n, _rows, columns = values.shape
+    ranked = np.where(local_minima(values), values, np.inf).reshape(n, -1)
+    count = min(count, ranked.shape[1])
+    best = np.argpartition(ranked, count - 1, axis=1)[:, :count]
+    cell, place = np.nonzero(np.isfinite(np.take_along_axis(ranked, best, axis=1)))
+    flat = best[cell, place]
+    return np.column_stack([ticks[flat // columns], ticks[flat % columns]]), cell
+
+
+def _least(
+    response: Response, values: FloatArray, ticks: FloatArray, sign: float
+) -> tuple[FloatArray, FloatArray]:
+    """Minima of ``sign * response``: (n,) values and (n, 2) points."""
+    points, cell = starts_of(values, ticks, STARTS)
+
+    def objective(x: FloatArray, which: IntArray) -> Jet:
+        at = response.jet(x, cell[which])
+        return Jet(sign * at.value, sign * at.slope, sign * at.curvature)
+
+    points = minimise_in_box(objective, points, float(ticks[-1]))
+    value = sign * response.jet(points, cell).value
+    order = np.lexsort((value, cell))
+    first = order[np.concatenate(([True], np.diff(cell[order]) > 0))]
+    return value[first], points[first]
