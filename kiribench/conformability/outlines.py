@@ -28,6 +28,32 @@ PIECES = 8
 
 
 @dataclass(frozen=True, eq=False)
+class Charts:
+    """The flat frames of the k complete cells, to put further points of the skin into them.
+
+    Attributes:
+        cells: (R, C) the complete cells; k of them, row-major.
+        frames: tangent frames at the k centres.
+        curvature: (k,) Gauss curvature, 1/mm^2.
+        turn: (k, 2, 2) into the material axes. origin: (k, 2) mean of the skin corners.
+    """
+
+    cells: NDArray[np.bool_]
+    frames: FlatFrames
+    curvature: FloatArray
+    turn: FloatArray
+    origin: FloatArray
+
+    def flat(
+        self, mesh: Mesh, owner: IntArray, points: SurfacePoints, topology: Topology
+    ) -> FloatArray:
+        """(p, 2) mm in the frame of each point's owner; NaN behind a hole."""
+        about = flatten(mesh, self.frames, owner, points, topology)
+        kept = equal_area(about, self.curvature[owner]) - self.origin[owner]
+        return np.asarray(np.einsum("pab,pb->pa", self.turn[owner], kept))
+
+
+@dataclass(frozen=True, eq=False)
 class FlatOutlines:
     """Skin and patch cells in flat frames; NaN where either is incomplete.
 
@@ -42,6 +68,7 @@ class FlatOutlines:
         curvature: (R, C) Gauss curvature of the skin cell, 1/mm^2.
         turned: (R, C) whether the skin cell or the patch cell is turned over.
         around_hole: (R, C) whether a path of either leads around a hole of the scan.
+        charts: the frames themselves; None where the skin is a plane.
     """
 
     skin: FloatArray
@@ -52,6 +79,7 @@ class FlatOutlines:
     curvature: FloatArray
     turned: NDArray[np.bool_]
     around_hole: NDArray[np.bool_]
+    charts: Charts | None = None
 
     @property
     def skin_corners(self) -> FloatArray:
@@ -195,6 +223,7 @@ def flat_outlines(
         curvature=full(curvature),
         turned=flag,
         around_hole=around & complete,
+        charts=Charts(complete, frames, curvature, turn, origin),
     )
 
 
