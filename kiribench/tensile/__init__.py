@@ -2,7 +2,17 @@
 
 from __future__ import annotations
 
+from kiribench.tensile.measure import MeasureOptions, measure_frames
 from kiribench.tensile.result import MEASURED, STATES, Curve, TensileTest
 from kiribench.tensile.tables import read_tensile, write_tensile
 
-__all__ = ["MEASURED", "STATES", "Curve", "TensileTest", "read_tensile", "write_tensile"]
+__all__ = [
+    "MEASURED",
+    "STATES",
+    "Curve",
+    "MeasureOptions",
+    "TensileTest",
+    "measure_frames",
+    "read_tensile",
+    "write_tensile",
+]

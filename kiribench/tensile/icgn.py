@@ -234,9 +234,7 @@ def _read(
         if not (low_x >= 0 and low_y >= 0 and high_x <= columns - 1 and high_y <= rows - 1):
             continue
         x0, y0 = int(low_x) - _RIM, int(low_y) - _RIM
-        c = _coefficients(
-            picture, x0, y0, int(high_x) - x0 + _RIM + 2, int(high_y) - y0 + _RIM + 2
-        )
+        c = _coefficients(picture, x0, y0, int(high_x) - x0 + _RIM + 2, int(high_y) - y0 + _RIM + 2)
         total = square = 0.0
         for k in range(p):
             x = centre[s, 0] + w[0] + (1.0 + w[2]) * xi[s, k, 0] + w[3] * xi[s, k, 1] - x0
