@@ -11,51 +11,21 @@ import numpy.typing as npt
 from numba import njit
 
 from kiribench.fem.assembly import total_energy
+from kiribench.fem.lanes import LANES, neo_hookean_lanes, raise_lanes
 from kiribench.fem.material import response
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
-LANES = 16
-"""Facets in one batch: two vector registers of eight doubles."""
-
-
-@njit(cache=True, error_model="numpy")
-def _neo_hookean_lanes(f: FloatArray, mu: float, out: FloatArray, inv: FloatArray) -> None:
-    """``material.response`` for neo-Hookean, lane by lane: f (4, L) to out (14, L)."""
-    j3, j4 = inv[0], inv[1]
-    for s in range(LANES):
-        j3[s] = mu / (f[0, s] * f[3, s] - f[1, s] * f[2, s]) ** 3
-    for s in range(LANES):
-        j4[s] = 3.0 * j3[s] / (f[0, s] * f[3, s] - f[1, s] * f[2, s])
-    for s in range(LANES):
-        out[0, s] = mu * f[0, s] - j3[s] * f[3, s]
-    for s in range(LANES):
-        out[1, s] = mu * f[1, s] + j3[s] * f[2, s]
-    for s in range(LANES):
-        out[2, s] = mu * f[2, s] + j3[s] * f[1, s]
-    for s in range(LANES):
-        out[3, s] = mu * f[3, s] - j3[s] * f[0, s]
-    for s in range(LANES):
-        out[4, s] = mu + j4[s] * f[3, s] * f[3, s]
-    for s in range(LANES):
-        out[5, s] = -j4[s] * f[3, s] * f[2, s]
-    for s in range(LANES):
-        out[6, s] = -j4[s] * f[3, s] * f[1, s]
-    for s in range(LANES):
-        out[7, s] = j4[s] * f[0, s] * f[3, s] - j3[s]
-    for s in range(LANES):
-        out[8, s] = mu + j4[s] * f[2, s] * f[2, s]
-    for s in range(LANES):
-        out[9, s] = j4[s] * f[1, s] * f[2, s] + j3[s]
-    for s in range(LANES):
-        out[10, s] = -j4[s] * f[0, s] * f[2, s]
-    for s in range(LANES):
-        out[11, s] = mu + j4[s] * f[1, s] * f[1, s]
-    for s in range(LANES):
-        out[12, s] = -j4[s] * f[0, s] * f[1, s]
-    for s in range(LANES):
-        out[13, s] = mu + j4[s] * f[0, s] * f[0, s]
+__all__ = [
+    "LANES",
+    "block_energy",
+    "eliminate",
+    "expand_block",
+    "linearise_block",
+    "negative_pivots",
+    "reduce_block",
+]
 
 
 @njit(cache=True, error_model="numpy")
@@ -68,7 +38,7 @@ def _assemble_batch(
     alpha: float,
     element: IntArray,
     with_stiffness: bool,
-    projected: bool,
+    projected: float,
     force: FloatArray,
     blocks: FloatArray,
 ) -> None:
@@ -92,8 +62,10 @@ def _assemble_batch(
                     f[2, s] += x[node, 1, s] * g0
                 for s in range(LANES):
                     f[3, s] += x[node, 1, s] * g1
-            if alpha == 2.0 and not projected:
-                _neo_hookean_lanes(f, mu, out, spare)
+            if alpha == 2.0:
+                neo_hookean_lanes(f, mu, out, spare)
+                if projected > 0.0:
+                    raise_lanes(f, projected * mu, out, spare)
             else:
                 for s in range(LANES):
                     one[:] = f[:, s]
@@ -143,7 +115,7 @@ def _assemble_batch(
 
 
 @njit(cache=True, error_model="numpy")
-def _eliminate(
+def eliminate(
     blocks: FloatArray,
     start: IntArray,
     column: IntArray,
@@ -193,6 +165,21 @@ def _eliminate(
 
 
 @njit(cache=True, error_model="numpy")
+def negative_pivots(store: FloatArray, pivot: IntArray, facets: int) -> int:
+    """Negative eigenvalues among the eliminated pivots of a block: of D as of D^-1."""
+    count = 0
+    for facet in range(facets):
+        factors, s = store[facet // LANES], facet % LANES
+        for at in pivot:
+            d = factors[at]
+            if d[0, s] * d[3, s] < d[1, s] * d[2, s]:
+                count += 1
+            elif d[0, s] < 0.0:
+                count += 2
+    return count
+
+
+@njit(cache=True, error_model="numpy")
 def _gather(values: FloatArray, nodes: IntArray, sign: FloatArray, batch: FloatArray) -> None:
     """Nodal vectors (n, 2) of one batch of facets (L, t), mirrored back: batch (t, 2, L)."""
     for s in range(LANES):
@@ -221,7 +208,7 @@ def linearise_block(
     kept_code: IntArray,
     kept_place: npt.NDArray[np.int32],
     with_stiffness: bool,
-    projected: bool,
+    projected: float,
     force: FloatArray,
     store: FloatArray,
     values: FloatArray,
@@ -266,7 +253,7 @@ def linearise_block(
                 force[nodes[first + s, node], 1] += pull[node, 1, s]
         if not with_stiffness:
             continue
-        _eliminate(blocks, start, column, pivot, target_start, target)
+        eliminate(blocks, start, column, pivot, target_start, target)
         for s in range(real):
             flip = sign[first + s]
             for p in range(len(kept_code)):

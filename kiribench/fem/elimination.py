@@ -29,7 +29,7 @@ class Elimination:
             the diagonal if its row comes later in the order, else its transpose is meant, coded
             as -1 - block.
         kept_blocks: (b, b) block of each pair of kept nodes, lower triangle, coded likewise.
-        element: (m, 6, 6) block of each pair of nodes of each element i <= j, coded likewise.
+        element: (m, k, k) block of each pair of nodes of each element i <= j, coded likewise.
         blocks: how many blocks there are.
     """
 
@@ -50,9 +50,20 @@ class Elimination:
 def plan_elimination(template: FacetMesh) -> Elimination:
     """Minimum-degree order of a template's inner nodes, and the blocks that it fills."""
     kept = np.unique(np.concatenate([template.ligament(edge) for edge in range(4)]))
+    return plan_nodes(template.triangles, len(template.points), kept)
+
+
+def plan_nodes(elements: IntArray, count: int, kept: IntArray) -> Elimination:
+    """Minimum-degree order of all nodes but ``kept`` (b,), and the blocks that it fills.
+
+    Args:
+        elements: (m, k) nodes of each element.
+        count: of nodes.
+        kept: nodes that stay, sorted.
+    """
     is_kept = set(kept.tolist())
-    neighbours: list[set[int]] = [set() for _ in template.points]
-    for nodes in template.triangles.tolist():
+    neighbours: list[set[int]] = [set() for _ in range(count)]
+    for nodes in elements.tolist():
         for node in nodes:
             neighbours[node].update(nodes)
     for node, around in enumerate(neighbours):
@@ -94,10 +105,11 @@ def plan_elimination(template: FacetMesh) -> Elimination:
     for i, row in enumerate(kept_list):
         for j in range(i + 1):
             kept_blocks[i, j] = at(row, kept_list[j])
-    element = np.zeros((len(template.triangles), 6, 6), dtype=np.int64)
-    for e, nodes in enumerate(template.triangles.tolist()):
-        for i in range(6):
-            for j in range(i, 6):
+    corners = elements.shape[1]
+    element = np.zeros((len(elements), corners, corners), dtype=np.int64)
+    for e, nodes in enumerate(elements.tolist()):
+        for i in range(corners):
+            for j in range(i, corners):
                 element[e, i, j] = at(nodes[i], nodes[j])
     sizes = np.array([len(nodes) for nodes in rows], dtype=np.int64)
     return Elimination(

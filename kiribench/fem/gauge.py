@@ -87,9 +87,23 @@ class FacePairs:
         """Largest depth of a node of one face behind the opposite face, mm; 0 if none."""
         if not len(self.left):
             return 0.0
-        one = _deepest(x, self.left, self.left_start, self.right, self.right_start, -1.0)
-        two = _deepest(x, self.right, self.right_start, self.left, self.left_start, 1.0)
-        return float(max(one, two))
+        return deepest_overlap(x, self.left, self.right, self.left_start, self.right_start)
+
+
+def deepest_overlap(
+    x: FloatArray,
+    left: IntArray,
+    right: IntArray,
+    left_start: IntArray,
+    right_start: IntArray,
+) -> float:
+    """Largest depth of a node of one face behind the opposite face at nodes x (n, 2), mm.
+
+    Faces as the attributes of ``FacePairs`` say.
+    """
+    one = _deepest(x, left, left_start, right, right_start, -1.0)
+    two = _deepest(x, right, right_start, left, left_start, 1.0)
+    return float(max(one, two))
 
 
 @njit(cache=True, error_model="numpy")

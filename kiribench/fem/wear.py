@@ -8,19 +8,31 @@ fully. Bending, the lips of the cuts in contact, thickness and viscosity are not
 
 from __future__ import annotations
 
+import time
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
 
-from kiribench.fem.material import Material
+from kiribench.errors import DataError
+from kiribench.fem.material import Material, NeoHookean
 from kiribench.fem.surface_map import SurfaceMap
+from kiribench.fem.wear_measures import (
+    cell_measures,
+    face_overlap,
+    facet_pressure,
+    site_means,
+    tip_state,
+)
+from kiribench.fem.wear_mesh import PatchMesh, mesh_patch
+from kiribench.fem.wear_system import Equilibrium, WearSystem, relax
 from kiribench.lattice import CutMap
 
 FloatArray = npt.NDArray[np.float64]
 
 Straps = Literal["rows", "hoops", "free"]
+Element = Literal["nine-node", "four-node"]
 
 
 @dataclass(frozen=True)
@@ -28,7 +40,10 @@ class WearSpec:
     """How a patch is put on, and how finely it is meshed.
 
     Attributes:
-        elements_per_facet: elements along a facet edge (half a cell).
+        elements_per_facet: divisions of a facet edge (half a cell) by nodes: a nine-node element
+            takes two of them, so that 10 has the nodes of 10 x 10 four-node quads.
+        element: ``"nine-node"`` quads with quarter points at the tips, or plain ``"four-node"``
+            ones, which need many times as many for the same error.
         friction: Coulomb coefficient between patch and skin; 0 slides freely, infinity sticks.
         straps: ``"rows"`` the proximal and the distal edge are strapped, ``"hoops"`` only
             their outermost cells on either side, ``"free"`` the proximal edge only.
@@ -39,6 +54,7 @@ class WearSpec:
     """
 
     elements_per_facet: int = 10
+    element: Element = "nine-node"
     friction: float = 0.0
     straps: Straps = "rows"
     strap_slip_mm: float = 0.0
@@ -60,10 +76,11 @@ class WornPatch:
             cell edge, mean of two opposite ones.
         shear: (R, C) tangent of the closing of the right angle, as in `measure`.
         contact_pressure_mpa: (2R, 2C) by facet; negative is lift-off (it cannot be held).
-        tip_stress_mpa, tip_stretch: (k,) largest principal Cauchy stress and stretch about the
-            tips of the half-cuts, in the order of ``CutMap.half_cuts``.
+        tip_stress_mpa, tip_stretch: (k,) largest principal Cauchy stress and stretch on the
+            ligament at ``TIP_DISTANCE_MM`` before the tip, half-cuts in the order of
+            ``CutMap.half_cuts``; compare with ``BREAKING_STRETCH``.
         face_overlap_mm: largest depth to which two crack faces pass through each other.
-        strap_force_n: force along the limb that the distal (``free``: proximal) strap carries.
+        strap_force_n: pull along the limb on the distal (``free``: proximal) strap.
         energy_mj: elastic energy of the patch.
         newton_iterations: spent.
         status: ``"ok"`` or ``"not-converged"``.
@@ -105,6 +122,16 @@ class WearSensitivities:
     cpu_seconds: float
 
 
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """The discrete solution behind a ``WornPatch``: its system, nodes and forces."""
+
+    system: WearSystem
+    equilibrium: Equilibrium
+    laid_q_mm: FloatArray
+    held: tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_]]
+
+
 def wear_patch(
     cut_map: CutMap,
     surface: SurfaceMap,
@@ -119,9 +146,121 @@ def wear_patch(
         surface: the skin in the pose.
         origin_q_mm: material coordinates that the patch's proximal lateral corner is laid on.
         spec: None is ``WearSpec()``.
-        material: None is the paper's ``NeoHookean(0.207)``.
+        material: None is the paper's ``NeoHookean(0.207)``; no other law so far.
+
+    Raises:
+        DataError: a mesh, straps or a law that cannot be modelled.
     """
-    raise NotImplementedError
+    began = time.process_time()
+    chosen = spec or WearSpec()
+    solution = solve_worn(cut_map, surface, origin_q_mm, chosen, material)
+    return read_worn(solution, surface, chosen, began)
+
+
+def solve_worn(
+    cut_map: CutMap,
+    surface: SurfaceMap,
+    origin_q_mm: tuple[float, float],
+    spec: WearSpec,
+    material: Material | None,
+) -> Solution:
+    """Mesh the patch, lay it on the skin and relax it; arguments as in ``wear_patch``."""
+    law = material or NeoHookean()
+    if not isinstance(law, NeoHookean):
+        raise DataError(
+            "wear-material",
+            "The worn patch is modelled with the neo-Hookean law only.",
+            remedy="Give NeoHookean(mu); positions do not depend on mu, forces do.",
+            got=type(law).__name__,
+        )
+    order = 2 if spec.element == "nine-node" else 1
+    if spec.elements_per_facet < 3 * order or spec.elements_per_facet % order:
+        raise DataError(
+            "wear-mesh",
+            "The mesh cannot be built with this number of elements a facet edge.",
+            remedy="Give an even number from 6 (nine-node), or any from 3 (four-node).",
+            got=spec.elements_per_facet,
+        )
+    mesh = mesh_patch(cut_map, spec.elements_per_facet, order, hold=(True, spec.straps != "free"))
+    held = strapped_nodes(mesh, spec.straps)
+    laid = lay(mesh.points_mm, cut_map, origin_q_mm, spec)
+    fixed = np.repeat((held[0] | held[1])[:, None], 2, axis=1)
+    system = WearSystem(mesh, surface, fixed, law.mu_mpa)
+    if spec.friction == np.inf:
+        jet = system.jet(laid)
+        found = Equilibrium(laid, system.forces(jet), 0, system.energy(laid), None)
+    else:
+        found = relax(system, laid)
+    return Solution(system, found, laid, held)
+
+
+def strapped_nodes(
+    mesh: PatchMesh, straps: Straps
+) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_]]:
+    """(U,) nodes held by the proximal and by the distal strap."""
+    width, length = mesh.cut_map.size_mm
+    x, y = mesh.points_mm.T
+    near = 1e-9 * length
+    proximal, distal = y < near, y > length - near
+    if straps == "free":
+        distal = np.zeros_like(distal)
+    elif straps == "hoops":
+        cell = mesh.cut_map.cell_mm
+        outer = (x < cell + near) | (x > width - cell - near)
+        proximal, distal = proximal & outer, distal & outer
+    return proximal, distal
+
+
+def lay(
+    points_mm: FloatArray, cut_map: CutMap, origin_q_mm: tuple[float, float], spec: WearSpec
+) -> FloatArray:
+    """Material coordinates (n, 2) that points of the patch (n, 2) are laid on, before they slide.
+
+    The patch is turned about its centre and displaced; a slip of the distal strap is spread
+    evenly along the patch.
+    """
+    width, length = cut_map.size_mm
+    centre = np.array([width / 2, length / 2])
+    angle = np.deg2rad(spec.turn_deg)
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    q = (points_mm - centre) @ turn.T + centre + np.asarray(origin_q_mm) + spec.offset_mm
+    q[:, 1] -= spec.strap_slip_mm * points_mm[:, 1] / length
+    return np.asarray(q)
+
+
+def read_worn(solution: Solution, surface: SurfaceMap, spec: WearSpec, began: float) -> WornPatch:
+    """What is reported of a solution; ``began`` is the processor time at the start."""
+    system, found = solution.system, solution.equilibrium
+    mesh = system.mesh
+    jet = system.jet(found.q)
+    sites = site_means(mesh, found.q)
+    corners = sites[::2, ::2]
+    cells = cell_measures(surface, corners, mesh.cut_map.cell_mm)
+    stretch, stress = tip_state(mesh, jet, system.mu_mpa)
+    strap = solution.held[1] if solution.held[1].any() else solution.held[0]
+    along = jet.first[strap, 1] / np.linalg.norm(jet.first[strap, 1], axis=1, keepdims=True)
+    pull = abs(float(np.sum(along * found.force[strap])))
+    rows, columns = sites.shape[:2]
+    return WornPatch(
+        corner_q_mm=corners,
+        site_q_mm=sites,
+        site_mm=surface.at(sites.reshape(-1, 2)).x.reshape(rows, columns, 3),
+        longitudinal_stretch=cells.longitudinal_stretch,
+        lateral_stretch=cells.lateral_stretch,
+        shear=cells.shear,
+        contact_pressure_mpa=facet_pressure(
+            mesh, jet, found.force, surface.outward, spec.thickness_mm
+        ),
+        tip_stress_mpa=stress,
+        tip_stretch=stretch,
+        face_overlap_mm=face_overlap(mesh, jet),
+        strap_force_n=spec.thickness_mm * pull,
+        energy_mj=spec.thickness_mm * found.energy,
+        newton_iterations=found.iterations,
+        status="ok" if found.reason is None else "not-converged",
+        reason=found.reason,
+        cpu_seconds=time.process_time() - began,
+    )
 
 
 def wear_sensitivities(

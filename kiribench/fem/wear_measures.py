@@ -1,0 +1,236 @@
+"""What is read off a worn patch: cells on the skin, contact, crack tips, overlap, strap force."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from kiribench.fem.gauge import deepest_overlap
+from kiribench.fem.surface_map import SurfaceJet, SurfaceMap
+from kiribench.fem.wear_mesh import PatchMesh, lagrange, physical_edge
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+
+TIP_DISTANCE_MM = 0.5
+"""Where the rubber before a crack tip is judged: this far ahead of the tip at rest (or in the
+middle of a ligament of less than twice that). The stress at the tip itself is infinite in any
+such model; a point at a fixed distance is Taylor's measure (The Theory of Critical Distances,
+2007), and does not depend on the mesh. The distance is our choice, a quarter of the thickness."""
+
+BREAKING_STRETCH = 10.2
+"""Stretch at which Dragon Skin 20 broke in uniaxial tension: last row of Dragon_Skin_20.csv of
+the Soft Robotics Materials Database (crosshead strain, which overstates it; Marechal et al. 2020,
+doi 10.1089/soro.2019.0115)."""
+
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(6)
+
+
+@dataclass(frozen=True, eq=False)
+class CellMeasures:
+    """Cells on the skin: see the attributes of the same name of ``WornPatch``; all (R, C)."""
+
+    longitudinal_stretch: FloatArray
+    lateral_stretch: FloatArray
+    shear: FloatArray
+
+
+def site_means(mesh: PatchMesh, values: FloatArray) -> FloatArray:
+    """Mean over both faces of nodal values (U, k) at the lattice sites: (2R + 1, 2C + 1, k)."""
+    rows, columns = mesh.shape
+    corners = values[mesh.site_nodes()].reshape(rows, columns, 4, -1)
+    total = np.zeros((rows + 1, columns + 1, corners.shape[-1]))
+    facets = np.zeros((rows + 1, columns + 1, 1))
+    for k, (down, right) in enumerate(((0, 0), (0, 1), (1, 1), (1, 0))):
+        into = (slice(down, down + rows), slice(right, right + columns))
+        total[into] += corners[:, :, k]
+        facets[into] += 1
+    return np.asarray(total / facets)
+
+
+def lengths_on(surface: SurfaceMap, start: FloatArray, end: FloatArray) -> FloatArray:
+    """Lengths (...) on the skin of the lines that are straight in q from start to end (..., 2).
+
+    Between the corners of a cell they differ from the geodesics by less than 1e-4 (fraction)
+    on limbs; on developable skin they are the geodesics.
+    """
+    along = end - start
+    total = np.zeros(start.shape[:-1])
+    for node, weight in zip(_NODES, _WEIGHTS, strict=True):
+        at = start + 0.5 * (1 + node) * along
+        first = surface.at(at.reshape(-1, 2)).first.reshape(*start.shape[:-1], 2, 3)
+        speed = np.einsum("...i,...ia->...a", along, first)
+        total += 0.5 * weight * np.linalg.norm(speed, axis=-1)
+    return total
+
+
+def cell_measures(surface: SurfaceMap, corner_q: FloatArray, cell_mm: float) -> CellMeasures:
+    """Stretches and shear of the cells with corners (R + 1, C + 1, 2) in q."""
+    along = lengths_on(surface, corner_q[:-1], corner_q[1:]) / cell_mm
+    across = lengths_on(surface, corner_q[:, :-1], corner_q[:, 1:]) / cell_mm
+    upper, lower = corner_q[:-1], corner_q[1:]
+    down = 0.5 * (lower[:, :-1] + lower[:, 1:] - upper[:, :-1] - upper[:, 1:])
+    side = 0.5 * (upper[:, 1:] + lower[:, 1:] - upper[:, :-1] - lower[:, :-1])
+    middle = 0.25 * (upper[:, :-1] + upper[:, 1:] + lower[:, :-1] + lower[:, 1:])
+    metric = surface.at(middle.reshape(-1, 2)).metric.reshape(*middle.shape[:-1], 2, 2)
+    dot = np.einsum("rci,rcij,rcj->rc", down, metric, side)
+    area = np.sqrt(np.linalg.det(metric)) * (
+        side[..., 0] * down[..., 1] - side[..., 1] * down[..., 0]
+    )
+    return CellMeasures(
+        0.5 * (along[:, :-1] + along[:, 1:]), 0.5 * (across[:-1] + across[1:]), dot / area
+    )
+
+
+def facet_pressure(
+    mesh: PatchMesh, jet: SurfaceJet, force: FloatArray, outward: float, thickness_mm: float
+) -> FloatArray:
+    """(2R, 2C) contact pressure, MPa: outward force of the skin / deformed area, by facet.
+
+    The force of a node goes to its facets in equal parts.
+    """
+    normal = np.einsum("na,na->n", force, jet.normal(outward))
+    share = normal / np.bincount(mesh.nodes.ravel())
+    template = mesh.template
+    x = jet.x[mesh.nodes][:, template.elements]
+    tangents = np.einsum("fmad,qar->fmqrd", x, template.shapes, optimize=True)
+    area = np.linalg.norm(np.cross(tangents[..., 0, :], tangents[..., 1, :]), axis=-1)
+    total = np.einsum("fmq,q->f", area, template.weights)
+    return np.asarray(thickness_mm * share[mesh.nodes].sum(axis=1) / total).reshape(mesh.shape)
+
+
+def tip_state(mesh: PatchMesh, jet: SurfaceJet, mu_mpa: float) -> tuple[FloatArray, FloatArray]:
+    """Largest principal stretch and Cauchy stress (MPa) before every tip; (k,) each, half-cuts in
+    the order of ``CutMap.half_cuts``, the mean of the two facets beside the ligament."""
+    cuts = mesh.cut_map.half_cuts()
+    rows, columns = mesh.shape
+    total = np.zeros((2, len(cuts)))
+    count = np.zeros(len(cuts))
+    key = {
+        (int(p), int(q), int(d)): k
+        for k, ((p, q), d) in enumerate(zip(cuts.site, cuts.direction.sum(axis=1), strict=True))
+    }
+    size = mesh.cut_map.cell_mm / 2
+    where: list[tuple[int, int, int]] = []
+    for facet in range(rows * columns):
+        i, j = divmod(facet, columns)
+        turned = bool(mesh.mirrored[facet])
+        for edge in range(4):
+            cut = mesh.half_cuts[facet, edge]
+            if cut <= 0:
+                continue
+            site, sense = _start_of(edge, turned)
+            where.append((facet, edge, key[j + site[0], i + site[1], sense]))
+    facets, edges, index = (
+        (np.array(part, dtype=np.int64) for part in zip(*where, strict=True))
+        if where
+        else (np.empty(0, np.int64),) * 3
+    )
+    stretch = _ahead(mesh, jet.x, facets, edges, size)
+    stress = mu_mpa * (stretch[0] ** 2 - 1 / (stretch[0] * stretch[1]) ** 2)
+    np.add.at(total[0], index, stretch[0])
+    np.add.at(total[1], index, stress)
+    np.add.at(count, index, 1)
+    return total[0] / np.maximum(count, 1), total[1] / np.maximum(count, 1)
+
+
+def _start_of(edge: int, mirrored: bool) -> tuple[tuple[int, int], int]:
+    """Site (p, q) from the facet's own where an edge's walk starts, and the walk's sense."""
+    physical = physical_edge(edge, mirrored)
+    if not mirrored:
+        return (((0, 0), (1, 0), (1, 1), (0, 1))[physical], (1, 1, -1, -1)[physical])
+    return (((1, 0), (1, 1), (0, 1), (0, 0))[physical], (-1, -1, 1, 1)[physical])
+
+
+def _ahead(
+    mesh: PatchMesh, x: FloatArray, facets: IntArray, edges: IntArray, size: float
+) -> FloatArray:
+    """(2, k) principal stretches on the ligaments of edges of facets, ahead of their tips."""
+    template = mesh.template
+    order, before = template.order, template.cut_nodes
+    elements_after = (template.intervals - before) // order
+    ligament = (1 - mesh.half_cuts[facets, edges]) * size
+    distance = np.minimum(TIP_DISTANCE_MM, 0.5 * ligament)
+    span = ligament / elements_after
+    hop = np.minimum((distance / span).astype(np.int64), elements_after - 1)
+    rest = distance / span - hop
+    # Distance runs with the square in the element with the quarter point, else linearly.
+    along = np.where((hop == 0) & (order == 2), 2 * np.sqrt(np.maximum(rest, 0)) - 1, 2 * rest - 1)
+    per_edge = template.intervals // order
+    number = before // order + hop
+    last = per_edge - 1
+    # Element and local coordinates (xi across, eta up) in the template's own axes.
+    row = np.choose(edges, [0 * number, number, 0 * number + last, last - number])
+    column = np.choose(edges, [number, 0 * number + last, last - number, 0 * number])
+    xi = np.choose(edges, [along, 0 * along + 1, -along, 0 * along - 1])
+    eta = np.choose(edges, [0 * along - 1, along, 0 * along + 1, -along])
+    by_xi, by_eta = _slopes(xi, eta, order)
+    nodes = template.elements[row * per_edge + column]
+    at_rest = mesh.facet_mm[facets[:, None], nodes]
+    now = x[mesh.nodes[facets[:, None], nodes]]
+    slopes = np.stack([by_xi, by_eta], axis=-1)
+    reference = np.einsum("kai,kar->kir", at_rest, slopes)
+    deformed = np.einsum("kad,kar->kdr", now, slopes)
+    gradient = np.einsum("kdr,kri->kdi", deformed, np.linalg.inv(reference))
+    values = np.linalg.eigvalsh(np.einsum("kdi,kdj->kij", gradient, gradient))
+    return np.asarray(np.sqrt(values[:, ::-1].T))
+
+
+def _slopes(xi: FloatArray, eta: FloatArray, order: int) -> tuple[FloatArray, FloatArray]:
+    """Derivatives (k, nodes) of the shape functions by xi and eta at one point each."""
+    value_xi, slope_xi = lagrange(xi, order)
+    value_eta, slope_eta = lagrange(eta, order)
+    by_xi = np.einsum("ki,kj->kij", value_eta, slope_xi).reshape(len(xi), -1)
+    by_eta = np.einsum("ki,kj->kij", slope_eta, value_xi).reshape(len(xi), -1)
+    return by_xi, by_eta
+
+
+def face_overlap(mesh: PatchMesh, jet: SurfaceJet) -> float:
+    """Largest depth, mm, of a node of a crack face behind the opposite face.
+
+    Both faces of a half-cut are laid into the skin's tangent plane at the site.
+    """
+    rows, columns = mesh.shape
+    template = mesh.template
+    facet = np.arange(rows * columns).reshape(rows, columns)
+    depth = 0.0
+    for one, two, edge, opposite in (
+        (facet[:, :-1].ravel(), facet[:, 1:].ravel(), 1, 3),
+        (facet[:-1].ravel(), facet[1:].ravel(), 2, 0),
+    ):
+        for turned in (False, True):
+            chosen = mesh.mirrored[one] == turned
+            mine, theirs = physical_edge(edge, turned), physical_edge(opposite, not turned)
+            here, there = one[chosen], two[chosen]
+            cut = mesh.half_cuts[here, mine] > 0
+            here, there = here[cut], there[cut]
+            if not len(here):
+                continue
+            walk = slice(0, template.cut_nodes + 1)
+            left = mesh.nodes[here][:, template.edges[mine, walk]]
+            right = mesh.nodes[there][:, template.edges[theirs, walk]]
+            if turned:
+                left, right = right, left
+            depth = max(depth, _overlap_of(jet, left, right))
+    return depth
+
+
+def _overlap_of(jet: SurfaceJet, left: IntArray, right: IntArray) -> float:
+    """Depth over faces (f, k) of nodes from site to tip, in tangent planes at the tips."""
+    tip = left[:, -1]
+    u = jet.first[tip, 0] / np.linalg.norm(jet.first[tip, 0], axis=1, keepdims=True)
+    v = jet.first[tip, 1] - np.einsum("fd,fd->f", jet.first[tip, 1], u)[:, None] * u
+    v /= np.linalg.norm(v, axis=1, keepdims=True)
+    frame = np.stack([u, v], axis=1)
+    both = np.stack([left, right])
+    flat = np.einsum("fid,sfkd->sfki", frame, jet.x[both] - jet.x[tip][None, :, None])
+    faces, count = left.shape
+    return deepest_overlap(
+        flat.reshape(-1, 2),
+        np.arange(faces * count),
+        faces * count + np.arange(faces * count),
+        count * np.arange(faces + 1),
+        count * np.arange(faces + 1),
+    )

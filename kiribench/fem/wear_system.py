@@ -1,0 +1,318 @@
+"""The equations of a patch on a surface: facets condensed to their ligaments, then a band.
+
+Facets meet in their ligaments only, and all have the same mesh topology: the inside of each is
+eliminated in batches (:mod:`kiribench.fem.batches`), and what is left on the ligaments is a band
+matrix for LAPACK's Cholesky factorisation. No approximation is made. A tangent that is not
+positive definite shows itself there, and is made so (``projected``) away from equilibrium.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.linalg import LinAlgError, cho_solve_banded, cholesky_banded
+
+from kiribench.fem.batches import LANES, expand_block, reduce_block
+from kiribench.fem.surface_map import SurfaceJet, SurfaceMap
+from kiribench.fem.wear_kernels import membrane_block, membrane_energy
+from kiribench.fem.wear_mesh import PatchMesh, facet_plan
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+BoolArray = npt.NDArray[np.bool_]
+
+
+def _lanes_last(values: FloatArray, fill: IntArray) -> FloatArray:
+    """Facet-wise values (f, ...) as batches (B, ..., LANES); ``fill`` (B L,) picks the facets."""
+    batched = values[fill].reshape(-1, LANES, *values.shape[1:])
+    return np.ascontiguousarray(np.moveaxis(batched, 1, -1))
+
+
+class FacetGroup:
+    """Facets with one elimination plan, in batches."""
+
+    def __init__(
+        self, mesh: PatchMesh, facets: IntArray, gradients: FloatArray, areas: FloatArray
+    ) -> None:
+        template = mesh.template
+        one = mesh.full[facets[0]].tolist()
+        self.plan = facet_plan(template.intervals, template.order, (one[0], one[1], one[2], one[3]))
+        self.facets = facets
+        count = len(facets)
+        batches = -(-count // LANES)
+        fill = facets[np.minimum(np.arange(batches * LANES), count - 1)]
+        self.fill = fill
+        self.nodes = np.ascontiguousarray(mesh.nodes[fill])
+        self.sign = np.ones(len(fill))
+        self.gradients = _lanes_last(gradients, fill)
+        self.areas = _lanes_last(areas, fill)
+        plan = self.plan
+        corners = np.arange(template.elements.shape[1])
+        self.diagonal = np.empty(len(template.spread), dtype=np.int64)
+        self.diagonal[template.elements] = plan.element[:, corners, corners]
+        self.store = np.zeros((batches, plan.blocks, 4, LANES))
+        self.carried = np.zeros((batches, len(template.spread), 2, LANES))
+        pairs = [(i, j) for i in range(len(plan.kept)) for j in range(i + 1)]
+        self.pairs = np.array(pairs, dtype=np.int64)
+        self.kept_code = plan.kept_blocks[self.pairs[:, 0], self.pairs[:, 1]]
+        self.kept_place = np.empty((0, 0, 4), dtype=np.int64)
+
+
+class WearSystem:
+    """Residual and tangent of a patch on a surface, in the skin's material coordinates.
+
+    Args:
+        mesh: the patch.
+        surface: the skin.
+        fixed: (U, 2) coordinates that are held; only of nodes that the elimination keeps.
+        mu_mpa: shear modulus.
+    """
+
+    def __init__(
+        self, mesh: PatchMesh, surface: SurfaceMap, fixed: BoolArray, mu_mpa: float
+    ) -> None:
+        self.mesh = mesh
+        self.surface = surface
+        self.fixed = fixed
+        self.mu_mpa = float(mu_mpa)
+        gradients, areas = mesh.gradients()
+        patterns, which = np.unique(mesh.full, axis=0, return_inverse=True)
+        self.groups = [
+            FacetGroup(mesh, np.flatnonzero(which.ravel() == k), gradients, areas)
+            for k in range(len(patterns))
+        ]
+        self.share = 1.0 / np.bincount(mesh.nodes.ravel())
+        kept = np.zeros(len(mesh.points_mm), dtype=bool)
+        for group in self.groups:
+            kept[group.nodes[:, group.plan.kept]] = True
+        if np.any(fixed[~kept]):
+            raise ValueError("only nodes on kept edges can be held")
+        self._number_band(kept)
+        self._factor: FloatArray | None = None
+
+    def _number_band(self, kept: BoolArray) -> None:
+        """Order the kept unknowns along the patch, and place every facet's entries."""
+        nodes = np.flatnonzero(kept)
+        points = self.mesh.points_mm[nodes]
+        long = 1 if self.mesh.shape[0] >= self.mesh.shape[1] else 0
+        nodes = nodes[np.lexsort((points[:, 1 - long], np.round(points[:, long], 9)))]
+        self.kept_nodes = nodes
+        free = ~self.fixed[nodes]
+        self.equation = np.full(self.fixed.shape, -1, dtype=np.int64)
+        numbers = np.full(free.shape, -1, dtype=np.int64)
+        numbers[free] = np.arange(free.sum())
+        self.equation[nodes] = numbers
+        self.size = int(free.sum())
+        width = 0
+        for group in self.groups:
+            equations = self.equation[group.nodes[:, group.plan.kept]].reshape(len(group.nodes), -1)
+            low = np.where(equations >= 0, equations, self.size).min(axis=1)
+            width = max(width, int((equations.max(axis=1) - low).max()))
+        self.width = width
+        for group in self.groups:
+            kept_equation = self.equation[group.nodes[:, group.plan.kept]]
+            one = kept_equation[:, group.pairs[:, 0]]
+            two = kept_equation[:, group.pairs[:, 1]]
+            rows = one[..., [0, 0, 1, 1]]
+            columns = two[..., [0, 1, 0, 1]]
+            high, low = np.maximum(rows, columns), np.minimum(rows, columns)
+            place = low * (width + 1) + high - low
+            place[low < 0] = -1
+            place[:, group.pairs[:, 0] == group.pairs[:, 1], 1] = -1
+            group.kept_place = place
+        self._band = np.zeros((self.size, width + 1))
+
+    def jet(self, q: FloatArray) -> SurfaceJet:
+        """The surface at all nodes, q (U, 2)."""
+        return self.surface.at(q)
+
+    def energy(self, q: FloatArray) -> float:
+        """Elastic energy per thickness, N; inf where an element is folded."""
+        x = self.surface.at(q).x
+        total = 0.0
+        for group in self.groups:
+            total += membrane_energy(
+                q,
+                x,
+                group.nodes,
+                len(group.facets),
+                self.mesh.template.elements,
+                group.gradients,
+                group.areas,
+                self.mu_mpa,
+            )
+            if total == np.inf:
+                break
+        return total
+
+    def _assemble(
+        self, jet: SurfaceJet, extra: FloatArray, with_stiffness: bool, projected: bool
+    ) -> FloatArray:
+        force = np.zeros_like(jet.x)
+        flat = self._band.reshape(-1)
+        for group in self.groups:
+            plan = group.plan
+            membrane_block(
+                jet.x,
+                jet.first,
+                jet.second,
+                group.nodes,
+                len(group.facets),
+                self.mesh.template.elements,
+                group.gradients,
+                group.areas,
+                self.mu_mpa,
+                plan.element,
+                group.diagonal,
+                extra,
+                self.share,
+                plan.start,
+                plan.column,
+                plan.pivot,
+                plan.target_start,
+                plan.target,
+                group.kept_code,
+                group.kept_place,
+                with_stiffness,
+                projected,
+                force,
+                group.store,
+                flat,
+            )
+        return force
+
+    def forces(self, jet: SurfaceJet) -> FloatArray:
+        """(U, 3) gradient of the energy by the places of the nodes, N/mm per mm thickness."""
+        return self._assemble(jet, np.empty((0, 4)), False, False)
+
+    def residual(self, jet: SurfaceJet, force: FloatArray) -> FloatArray:
+        """(U, 2) J'f, 0 where held."""
+        return np.asarray(np.where(self.fixed, 0.0, np.einsum("nad,nd->na", jet.first, force)))
+
+    def linearise(
+        self, jet: SurfaceJet, *, extra: FloatArray | None = None, projected: bool = False
+    ) -> tuple[FloatArray, bool]:
+        """Forces (U, 3), and whether the tangent is positive definite and now factorised."""
+        self._band[:] = 0.0
+        force = self._assemble(jet, np.empty((0, 4)) if extra is None else extra, True, projected)
+        try:
+            self._factor = cholesky_banded(
+                self._band.T, overwrite_ab=False, lower=True, check_finite=False
+            )
+        except LinAlgError:
+            self._factor = None
+        return force, self._factor is not None and bool(np.isfinite(self._factor[0]).all())
+
+    def solve_kept(self, right: FloatArray) -> FloatArray:
+        """Solution of the condensed equations for right sides (size,) or (size, k)."""
+        if self._factor is None:
+            raise ValueError("no factorised tangent")
+        return np.asarray(cho_solve_banded((self._factor, True), right, check_finite=False))
+
+    def solve(self, residual: FloatArray) -> FloatArray:
+        """(U, 2) solution with the last factorised tangent; 0 where held."""
+        condensed = np.zeros_like(residual)
+        condensed[self.kept_nodes] = residual[self.kept_nodes]
+        for group in self.groups:
+            plan = group.plan
+            reduce_block(
+                residual,
+                group.nodes,
+                group.sign,
+                len(group.facets),
+                plan.order,
+                plan.start,
+                plan.rows,
+                plan.column,
+                plan.kept,
+                group.store,
+                group.carried,
+                condensed,
+            )
+        free = self.equation >= 0
+        right = np.zeros(self.size)
+        right[self.equation[free]] = condensed[free]
+        answer = self.solve_kept(right)
+        solution = np.where(free, answer[self.equation], 0.0)
+        for group in self.groups:
+            plan = group.plan
+            expand_block(
+                group.nodes,
+                group.sign,
+                len(group.facets),
+                plan.order,
+                plan.start,
+                plan.rows,
+                plan.column,
+                plan.pivot,
+                plan.kept,
+                group.store,
+                group.carried,
+                solution,
+            )
+        return solution
+
+
+@dataclass(frozen=True, eq=False)
+class Equilibrium:
+    """The end of Newton's method: nodes q (U, 2), forces (U, 3), or why there is none."""
+
+    q: FloatArray
+    force: FloatArray
+    iterations: int
+    energy: float
+    reason: str | None
+
+
+_MOST_ITERATIONS = 60
+_RESIDUAL = 1e-10
+"""Largest residual / (mu * cell edge): forces far below any that could move a node by 1e-6 mm."""
+_SMALLEST_STEP = 1.0 / 4096
+
+
+def relax(system: WearSystem, start: FloatArray) -> Equilibrium:
+    """Minimise the energy from q (U, 2) by Newton's method with an energy line search.
+
+    Where the tangent is not positive definite its negative parts are raised to zero, element
+    by element, so that every step goes downhill.
+    """
+    q = start
+    energy = system.energy(q)
+    tolerance = _RESIDUAL * system.mu_mpa * system.mesh.cut_map.cell_mm
+    projected = False
+    force = np.zeros((len(q), 3))
+    if energy == np.inf:
+        return Equilibrium(q, force, 0, energy, "the patch is folded where it starts")
+    for iteration in range(_MOST_ITERATIONS):
+        jet = system.jet(q)
+        force, definite = system.linearise(jet, projected=projected)
+        residual = system.residual(jet, force)
+        worst = float(np.abs(residual).max())
+        if worst <= tolerance:
+            return Equilibrium(q, force, iteration, energy, None)
+        if not definite:
+            if projected:
+                return Equilibrium(q, force, iteration, energy, "the tangent is singular")
+            force, definite = system.linearise(jet, projected=True)
+            if not definite:
+                return Equilibrium(q, force, iteration, energy, "the tangent is singular")
+        step = -system.solve(residual)
+        slope = float(np.sum(residual * step))
+        size, found = 1.0, False
+        while size >= _SMALLEST_STEP:
+            trial = system.energy(q + size * step)
+            if trial <= energy + 1e-4 * size * slope + 1e-13 * abs(energy):
+                found = True
+                break
+            size *= 0.5
+        if not found:
+            reason = (
+                f"no step lowers the energy; the largest residual is {worst / tolerance:.1e} "
+                "times the tolerance"
+            )
+            return Equilibrium(q, force, iteration, energy, reason)
+        q, energy = q + size * step, trial
+    reason = f"no equilibrium after {_MOST_ITERATIONS} iterations"
+    return Equilibrium(q, force, _MOST_ITERATIONS, energy, reason)
