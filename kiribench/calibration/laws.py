@@ -86,7 +86,8 @@ def yeoh_columns(stretch: FloatArray) -> FloatArray:
 def bar_stress(law: Law, stretch: FloatArray) -> FloatArray:
     """Nominal stress (n,), MPa, of a bar with free sides at stretches (n,)."""
     if isinstance(law, Yeoh):
-        return yeoh_columns(stretch) @ np.array([law.c1_mpa, law.c2_mpa, law.c3_mpa])
+        own = np.array([law.c1_mpa, law.c2_mpa, law.c3_mpa])
+        return np.asarray(yeoh_columns(stretch) @ own)
     mu, alpha = terms_of(law)
     return np.asarray(ogden_columns(stretch, alpha) @ mu)
 
