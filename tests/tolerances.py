@@ -264,3 +264,9 @@ tolerance of 1e-9 leaves less than 1e-7 in either."""
 NU_DIP = 5e-4
 """Poisson's ratio (log): how far it may fall before it rises in (99, 95), where meshes of 3.8, 14
 and 53 thousand unknowns agree on a fall of .00025 to .00028."""
+
+# --- snapping sheets ---
+
+SNAP_POISSON = 2e-3
+"""Poisson's ratio (log): one load step against fifteen where hinges snap on the way; the energy
+may have several minima that differ in a hinge, far below the mesh error of .01."""

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import inf, isfinite
-from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
 from numba import njit
 from scipy.sparse import csc_array
-from scipy.sparse.linalg import splu
+from scipy.sparse.linalg import SuperLU, splu
 
 from kiribench.fem.material import Material, energy_density, response
 
@@ -104,7 +103,7 @@ def forces_and_stiffness(
     alpha: float,
     place: npt.NDArray[np.int32],
     with_stiffness: bool,
-    projected: bool,
+    projected: float,
     force: FloatArray,
     values: FloatArray,
 ) -> None:
@@ -128,7 +127,7 @@ def forces_and_stiffness(
                 c += x[node, 1] * g0
                 d += x[node, 1] * g1
             w = areas[e, q]
-            if alpha == 2.0 and not projected:
+            if alpha == 2.0 and projected == 0.0:
                 # Neo-Hookean, written with c_i = dJ/du_i: the Hessian of J is a cross product.
                 det = a * d - b * c
                 w *= mu
@@ -186,34 +185,44 @@ def forces_and_stiffness(
                         values[at] += local[i, j]
 
 
-class Factor(Protocol):
-    """A factorised matrix."""
+@dataclass(frozen=True, eq=False)
+class Factor:
+    """A factorised symmetric matrix.
+
+    Attributes:
+        lu: SuperLU's factors; None where the matrix has no inverse.
+    """
+
+    lu: SuperLU | None
 
     def solve(self, right: FloatArray) -> FloatArray:
-        """The solution of the linear equations."""
+        """The solution of the linear equations; NaN where there is none."""
+        return np.full(len(right), np.nan) if self.lu is None else self.lu.solve(right)
 
+    def negative_pivots(self) -> int:
+        """How many eigenvalues are negative (Sylvester), one where that is not known.
 
-class _Singular:
-    """What is left of a matrix without an inverse."""
-
-    def solve(self, right: FloatArray) -> FloatArray:
-        return np.full(len(right), np.nan)
+        SuperLU exchanges rows only where a pivot is zero.
+        """
+        if self.lu is None or not np.array_equal(self.lu.perm_r, self.lu.perm_c):
+            return 1
+        return int(np.count_nonzero(self.lu.U.diagonal() < 0))
 
 
 def factorise(matrix: csc_array) -> Factor:
-    """SuperLU in its symmetric mode; NaN solutions where the matrix is singular."""
+    """SuperLU in its symmetric mode."""
     if not np.isfinite(matrix.data).all():
-        return _Singular()
+        return Factor(None)
     try:
-        factor: Factor = splu(
+        lu = splu(
             matrix,
             permc_spec="MMD_AT_PLUS_A",
             diag_pivot_thresh=0.0,
             options={"SymmetricMode": True},
         )
     except RuntimeError:  # SuperLU's "Factor is exactly singular"
-        return _Singular()
-    return factor
+        return Factor(None)
+    return Factor(lu)
 
 
 class AssembledSystem:
@@ -255,7 +264,7 @@ class AssembledSystem:
         part = self._quadrature
         return float(total_energy(x, self.triangles, part.gradients, part.areas_mm2, *self._law))
 
-    def _assemble(self, x: FloatArray, values: FloatArray, projected: bool = False) -> FloatArray:
+    def _assemble(self, x: FloatArray, values: FloatArray, projected: float = 0.0) -> FloatArray:
         """Nodal forces (n, 2); adds the stiffness to ``values`` unless these are empty."""
         force = np.zeros_like(self.points_mm)
         part = self._quadrature
@@ -295,8 +304,8 @@ class AssembledSystem:
         """(size, size) tangent stiffness of the free equations, N/mm per mm."""
         return self.assemble(x)[1]
 
-    def linearise(self, x: FloatArray, *, projected: bool = False) -> FloatArray:
-        """Factorise the tangent at x, made positive if ``projected``; the residual (size,)."""
+    def linearise(self, x: FloatArray, *, projected: float = 0.0) -> FloatArray:
+        """Factorise the tangent at x, raised by ``projected``; the residual (size,)."""
         values = np.zeros(len(self._indices))
         force = self._assemble(x, values, projected)
         self._factor = factorise(self._matrix(values))
@@ -305,3 +314,7 @@ class AssembledSystem:
     def solve(self, residual: FloatArray) -> FloatArray:
         """(size,) solution with the last factorised tangent."""
         return np.asarray(self._factor.solve(residual))
+
+    def negative_modes(self) -> int:
+        """Negative eigenvalues of the last factorised tangent."""
+        return self._factor.negative_pivots()

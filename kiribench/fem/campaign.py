@@ -73,8 +73,8 @@ class Campaign:
     @property
     def largest_mesh_error(self) -> float | None:
         """Largest estimated mesh error of Poisson's ratio (log); None if there is none."""
-        errors = np.concatenate([piece.columns["mesh_error_poisson"] for piece in self.pieces])
-        return float(np.nanmax(errors)) if np.isfinite(errors).any() else None
+        errors = [piece.largest_mesh_error for piece in self.pieces]
+        return max((error for error in errors if error is not None), default=None)
 
     @property
     def cpu_seconds(self) -> float:
@@ -120,7 +120,7 @@ def run_campaign(
     found = {
         design: piece
         for design, piece in kept.items()
-        if piece is not None and not piece.crashed and _ours(piece, settings)
+        if piece is not None and _answers(piece, settings)
     }
     missing = [design for design in designs if design not in found]
     resumed = len(found)
@@ -204,8 +204,13 @@ def _short(value: object) -> str:
     return text if len(text) < 100 else f"{text[:60]} ... {text[-25:]}"
 
 
-def _ours(piece: Piece, settings: CampaignSettings) -> bool:
-    return piece.fingerprint == settings.fingerprint
+def _answers(piece: Piece, settings: CampaignSettings) -> bool:
+    """The piece is what would be computed: settings, version, and a mesh that is fine enough."""
+    return (
+        piece.fingerprint == settings.fingerprint
+        and not piece.crashed
+        and not piece.needs_refinement(settings.mesh_error_limit)
+    )
 
 
 def campaign_table(pieces: Sequence[Piece]) -> pd.DataFrame:
@@ -250,6 +255,14 @@ def campaign_sidecar(settings: CampaignSettings, pieces: Sequence[Piece]) -> dic
         "MeshErrorPoisson": {
             "Largest": float(known.max()) if len(known) else None,
             "Rms": float(np.sqrt(np.mean(known**2))) if len(known) else None,
+        },
+        "RefinedMeshes": {
+            piece.design.name: {
+                "EdgesTimes": round(piece.mesh_scale, 6),
+                "MeshErrorPoisson": piece.largest_mesh_error,
+            }
+            for piece in pieces
+            if piece.mesh_scale < 1.0
         },
         "Cost": {
             "CpuSeconds": round(float(cpu.sum()), 1),

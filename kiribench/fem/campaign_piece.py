@@ -6,16 +6,20 @@ What travels between processes and machines is a plain JSON object, and so is th
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from kiribench.errors import KiribenchError
-from kiribench.fem.campaign_settings import CampaignSettings, Design
+from kiribench.fem.campaign_settings import (
+    MOST_REFINEMENTS,
+    REFINEMENT,
+    CampaignSettings,
+    Design,
+)
 from kiribench.fem.cell import simulate_cell
-from kiribench.fem.loadpath import LoadPath
 from kiribench.fem.sheet import simulate_sheet
 from kiribench.schema.design_space_table import write_whole
 
@@ -42,7 +46,10 @@ class Piece:
         reason: why not every step is ok, or None.
         newton_iterations: spent in all.
         degrees_of_freedom: unknowns of the model.
-        cpu_seconds: processor time.
+        cpu_seconds: processor time, that of coarser meshes included.
+        mesh_scale: element edges / those of the settings' mesh; below 1 where the estimated mesh
+            error exceeded the limit.
+        finest_tried: the finest mesh tried, likewise; a mesh that gave no answer is not kept.
     """
 
     design: Design
@@ -53,6 +60,26 @@ class Piece:
     newton_iterations: int
     degrees_of_freedom: int
     cpu_seconds: float
+    mesh_scale: float = 1.0
+    finest_tried: float = 1.0
+
+    @property
+    def largest_mesh_error(self) -> float | None:
+        """Largest estimated mesh error of Poisson's ratio; None where none is known."""
+        errors = np.array(self.columns["mesh_error_poisson"])
+        return float(np.nanmax(errors)) if np.isfinite(errors).any() else None
+
+    def needs_refinement(self, limit: float | None) -> bool:
+        """The mesh error exceeds the limit, and the mesh may still be refined."""
+        error = self.largest_mesh_error
+        finest = REFINEMENT**MOST_REFINEMENTS * (1 + 1e-9)
+        return (
+            limit is not None
+            and self.reason is None
+            and error is not None
+            and error > limit
+            and self.finest_tried > finest
+        )
 
     @property
     def crashed(self) -> bool:
@@ -75,6 +102,8 @@ class Piece:
             "newton_iterations": self.newton_iterations,
             "degrees_of_freedom": self.degrees_of_freedom,
             "cpu_seconds": self.cpu_seconds,
+            "mesh_scale": self.mesh_scale,
+            "finest_tried": self.finest_tried,
         }
 
     @classmethod
@@ -98,6 +127,8 @@ class Piece:
             newton_iterations=int(content["newton_iterations"]),
             degrees_of_freedom=int(content["degrees_of_freedom"]),
             cpu_seconds=float(content["cpu_seconds"]),
+            mesh_scale=float(content.get("mesh_scale", 1.0)),
+            finest_tried=float(content.get("finest_tried", 1.0)),
         )
 
 
@@ -105,38 +136,39 @@ def simulate_design(settings: CampaignSettings, design: Design) -> dict[str, Any
     """Simulate one design; the task of a worker, here or on another machine.
 
     A design without an answer is a result too: its reason is kept, and nothing is raised for
-    failures of the numerical kind.
+    failures of the numerical kind. Where the mesh error exceeds the limit of the settings, the
+    design is computed again on a finer mesh; a finer mesh without an answer does not replace a
+    coarser one with an answer.
 
     Returns:
         ``Piece.as_dict()``.
     """
+    piece = _simulate(settings, design, 1.0)
+    spent, iterations = piece.cpu_seconds, piece.newton_iterations
+    while piece.needs_refinement(settings.mesh_error_limit):
+        finer = _simulate(settings, design, REFINEMENT * piece.finest_tried)
+        spent += finer.cpu_seconds
+        iterations += finer.newton_iterations
+        kept = finer if finer.reason is None else piece
+        piece = replace(kept, finest_tried=finer.mesh_scale)
+    return replace(piece, cpu_seconds=spent, newton_iterations=iterations).as_dict()
+
+
+def _simulate(settings: CampaignSettings, design: Design, mesh_scale: float) -> Piece:
+    """One design on one mesh, ``mesh_scale`` times the edges of the settings' mesh."""
     a, b = design.a_percent / 100, design.b_percent / 100
     steps = np.array(settings.steps)
+    mesh = settings.mesh if mesh_scale == 1.0 else settings.mesh.scaled(mesh_scale)
+    law = settings.material
     try:
         if settings.model == "sheet":
-            path = simulate_sheet(
-                a,
-                b,
-                steps,
-                sheet=settings.specimen,
-                mesh=settings.mesh,
-                material=settings.material,
-            )
+            path = simulate_sheet(a, b, steps, sheet=settings.specimen, mesh=mesh, material=law)
         else:
             path = simulate_cell(
-                a,
-                b,
-                steps,
-                cell_mm=settings.specimen.cell_mm,
-                mesh=settings.mesh,
-                material=settings.material,
+                a, b, steps, cell_mm=settings.specimen.cell_mm, mesh=mesh, material=law
             )
     except (KiribenchError, ArithmeticError, RuntimeError, ValueError, MemoryError) as error:
-        return _failed(settings, design, error).as_dict()
-    return _piece(settings, design, path).as_dict()
-
-
-def _piece(settings: CampaignSettings, design: Design, path: LoadPath) -> Piece:
+        return replace(_failed(settings, design, error), mesh_scale=mesh_scale)
     return Piece(
         design=design,
         fingerprint=settings.fingerprint,
@@ -146,6 +178,8 @@ def _piece(settings: CampaignSettings, design: Design, path: LoadPath) -> Piece:
         newton_iterations=int(path.newton_iterations.sum()),
         degrees_of_freedom=path.degrees_of_freedom,
         cpu_seconds=path.cpu_seconds,
+        mesh_scale=mesh_scale,
+        finest_tried=mesh_scale,
     )
 
 

@@ -18,6 +18,14 @@ from kiribench.fem.sheet import SheetSpec
 NUMERICS = 1
 """Raised whenever a change of the solver moves its numbers: old results are not mixed in."""
 
+MESH_ERROR_LIMIT = 0.01
+"""Estimated mesh error of Poisson's ratio above which the mesh of a design is refined."""
+
+REFINEMENT = 0.7
+"""Element edges of a refined mesh / those before."""
+
+MOST_REFINEMENTS = 3
+
 PAPER_LEVELS = (1, *range(5, 100, 5), 99)
 """The paper's 21 cut lengths, percent of the cell."""
 
@@ -77,9 +85,13 @@ class CampaignSettings:
         mesh_mm: longest element edge, mm; None is the model's default mesh.
         specimen: the sheet; of a cell only its ``cell_mm`` counts.
         material: the law.
+        mesh_error_limit: a design whose estimated mesh error of Poisson's ratio (log) exceeds
+            this at any step is computed again with edges ``REFINEMENT`` times as long, at most
+            ``MOST_REFINEMENTS`` times; None: never.
 
     Raises:
-        UsageError: steps that do not lead away from rest, or an edge that is not positive.
+        UsageError: steps that do not lead away from rest, or an edge or a limit that is not
+            positive.
     """
 
     model: Model = "cell"
@@ -87,9 +99,18 @@ class CampaignSettings:
     mesh_mm: float | None = None
     specimen: SheetSpec = field(default_factory=SheetSpec)
     material: NeoHookean = field(default_factory=NeoHookean)
+    mesh_error_limit: float | None = MESH_ERROR_LIMIT
 
     def __post_init__(self) -> None:
         check_steps(self.model, self.steps)
+        if self.mesh_error_limit is not None and not self.mesh_error_limit > 0:
+            raise UsageError(
+                "mesh-error-range",
+                "The limit of the mesh error is out of range.",
+                remedy="Give a positive change of Poisson's ratio, such as 0.01.",
+                got=f"{self.mesh_error_limit:g}",
+                expected="more than 0",
+            )
         longest = self.specimen.cell_mm / 2
         if self.mesh_mm is not None and not 0 < self.mesh_mm <= longest:
             raise UsageError(
@@ -102,11 +123,21 @@ class CampaignSettings:
 
     @classmethod
     def of(
-        cls, model: Model, steps: tuple[float, ...] | None = None, mesh_mm: float | None = None
+        cls,
+        model: Model,
+        steps: tuple[float, ...] | None = None,
+        mesh_mm: float | None = None,
+        mesh_error_limit: float | None = None,
     ) -> CampaignSettings:
-        """The settings with the model's default steps where none are given."""
+        """The settings with the model's default steps where none are given.
+
+        A mesh that is asked for is refined only where a limit is asked for too.
+        """
         default = PAPER_DISPLACEMENTS_MM if model == "sheet" else CELL_STRETCHES
-        return cls(model, default if steps is None else steps, mesh_mm)
+        limit = mesh_error_limit
+        if limit is None and mesh_mm is None:
+            limit = MESH_ERROR_LIMIT
+        return cls(model, default if steps is None else steps, mesh_mm, mesh_error_limit=limit)
 
     @property
     def mesh(self) -> MeshSpec:
@@ -138,14 +169,20 @@ class CampaignSettings:
                 "law": "incompressible neo-Hookean, plane stress",
                 "mu_mpa": self.material.mu_mpa,
             },
+            "MeshErrorLimit": self.mesh_error_limit,
             "SoftwareVersion": __version__,
             "Numerics": NUMERICS,
         }
 
     @property
     def fingerprint(self) -> str:
-        """The first 16 digits of the SHA-256 of the settings."""
-        text = json.dumps(self.as_dict(), sort_keys=True)
+        """The first 16 digits of the SHA-256 of the settings, but for the limit of the mesh error.
+
+        The limit decides which mesh a design needs, not what it gives on a mesh.
+        """
+        settings = self.as_dict()
+        del settings["MeshErrorLimit"]
+        text = json.dumps(settings, sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 

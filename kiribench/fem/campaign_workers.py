@@ -36,7 +36,10 @@ def run_processes(settings: CampaignSettings, designs: Sequence[Design], jobs: i
 def _compile(settings: CampaignSettings) -> None:
     """Fill the cache of compiled kernels once, before every worker would do it."""
     first = CampaignSettings(
-        settings.model, (1.01,) if settings.model == "cell" else (0.1,), settings.mesh_mm
+        settings.model,
+        (1.01,) if settings.model == "cell" else (0.1,),
+        settings.mesh_mm,
+        mesh_error_limit=None,
     )
     simulate_design(first, Design(50.0, 50.0))
 

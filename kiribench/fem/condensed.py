@@ -13,7 +13,14 @@ import numpy.typing as npt
 from scipy.sparse import csc_array
 
 from kiribench.fem.assembly import Factor, factorise, quadrature
-from kiribench.fem.batches import LANES, block_energy, expand_block, linearise_block, reduce_block
+from kiribench.fem.batches import (
+    LANES,
+    block_energy,
+    expand_block,
+    linearise_block,
+    negative_pivots,
+    reduce_block,
+)
 from kiribench.fem.elimination import plan_elimination
 from kiribench.fem.material import Material
 from kiribench.fem.mesh import FacetBlock, SheetMesh
@@ -131,7 +138,7 @@ class CondensedSystem:
             )
         return total
 
-    def _assemble(self, x: FloatArray, with_stiffness: bool, projected: bool = False) -> FloatArray:
+    def _assemble(self, x: FloatArray, with_stiffness: bool, projected: float = 0.0) -> FloatArray:
         force = np.zeros_like(self.points_mm)
         for block, places in zip(self._blocks, self._places, strict=True):
             plan = block.plan
@@ -171,8 +178,8 @@ class CondensedSystem:
         result[self.equation[free]] = force[free]
         return result
 
-    def linearise(self, x: FloatArray, *, projected: bool = False) -> FloatArray:
-        """Factorise the tangent at x, made positive if ``projected``; the residual (size,)."""
+    def linearise(self, x: FloatArray, *, projected: float = 0.0) -> FloatArray:
+        """Factorise the tangent at x, raised by ``projected``; the residual (size,)."""
         self._values[:] = 0.0
         force = self._assemble(x, True, projected)
         matrix = csc_array(
@@ -225,3 +232,10 @@ class CondensedSystem:
                 solution,
             )
         return self.reduce(solution)
+
+    def negative_modes(self) -> int:
+        """Negative eigenvalues of the last factorised tangent, by Sylvester's law of inertia."""
+        inner = sum(
+            negative_pivots(block.store, block.plan.pivot, block.facets) for block in self._blocks
+        )
+        return int(inner) + self._factor.negative_pivots()

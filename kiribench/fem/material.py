@@ -84,16 +84,16 @@ def ogden_response(
     d: float,
     mu: float,
     alpha: float,
-    projected: bool,
+    projected: float,
     out: FloatArray,
 ) -> None:
     """Nominal stress and tangent of the one-term Ogden law at F = [[a, b], [c, d]].
 
     ``out`` (14,): P11, P12, P21, P22 (MPa), then the upper triangle of dP/dF, row by row.
     In the frame of the principal directions dP/dF has four blocks: the Hessian of W(l1, l2),
-    the flip (W1 - W2)/(l1 - l2) and the twist (W1 + W2)/(l1 + l2). ``projected`` raises their
-    negative eigenvalues to zero (Teran et al., Symposium on Computer Animation 2005), so that
-    a Newton step far from equilibrium goes downhill.
+    the flip (W1 - W2)/(l1 - l2) and the twist (W1 + W2)/(l1 + l2). ``projected`` is the part of
+    their negative eigenvalues that is taken away: at 1 they are zero (Teran et al., Symposium on
+    Computer Animation 2005), so that a Newton step far from equilibrium goes downhill.
     """
     e, h = 0.5 * (a + d), 0.5 * (c - b)
     f, g = 0.5 * (a - d), 0.5 * (c + b)
@@ -120,18 +120,17 @@ def ogden_response(
     else:
         flip += k * l2 ** (alpha - 2.0) * (alpha - 1.0)
     twist = (w1 + w2) / (l1 + l2)
-    if projected:
-        flip, twist = max(flip, 0.0), max(twist, 0.0)
+    if projected > 0.0:
+        left_over = 1.0 - projected
+        flip, twist = max(flip, left_over * flip), max(twist, left_over * twist)
         middle, gap = 0.5 * (w11 + w22), hypot(0.5 * (w11 - w22), w12)
         if middle - gap < 0.0:
-            # Keep the larger eigenvalue of [[w11, w12], [w12, w22]], if it is positive.
-            large = max(middle + gap, 0.0)
-            scale = 0.5 * large / gap if gap > 0.0 else 0.0
-            w11, w12, w22 = (
-                scale * (gap + 0.5 * (w11 - w22)),
-                scale * w12,
-                scale * (gap - 0.5 * (w11 - w22)),
-            )
+            # The eigenvalues of [[w11, w12], [w12, w22]] change, its eigenvectors stay.
+            low, high = left_over * (middle - gap), max(middle + gap, left_over * (middle + gap))
+            scale = 0.5 * (high - low) / gap if gap > 0.0 else 0.0
+            middle = 0.5 * (high + low)
+            half = 0.5 * scale * (w11 - w22)
+            w11, w12, w22 = middle + half, scale * w12, middle - half
     modes = np.empty((4, 4))
     for i in range(2):
         for j in range(2):
@@ -164,14 +163,18 @@ def response(
     d: float,
     mu: float,
     alpha: float,
-    projected: bool,
+    projected: float,
     out: FloatArray,
 ) -> None:
     """Nominal stress and tangent at F = [[a, b], [c, d]]; arguments as in ``ogden_response``.
 
     Neo-Hookean: P = mu (F - J^-3 cof F), dP/dF = mu (I + 3 J^-4 cof F (x) cof F - J^-3 d cof F).
+    Of its eigenvalues only that of the twist can be negative, mu (1 - J^-3) where J < 1: flip is
+    mu (1 + J^-3), and the Hessian of W(l1, l2) / mu has the determinant
+    1 + 3 J^-4 (l1^2 + l2^2) + 5 J^-6. The twist's direction is R [[0, -1], [1, 0]] / sqrt(2), R the
+    rotation of F, so that it is raised without a singular value decomposition.
     """
-    if alpha != 2.0 or projected:
+    if alpha != 2.0:
         ogden_response(a, b, c, d, mu, alpha, projected, out)
         return
     det = a * d - b * c
@@ -191,3 +194,17 @@ def response(
     out[11] = mu * (1.0 + j4 * b * b)
     out[12] = -mu * j4 * a * b
     out[13] = mu * (1.0 + j4 * a * a)
+    if projected > 0.0 and j3 > 1.0:
+        e, h = 0.5 * (a + d), 0.5 * (c - b)
+        k = 0.5 * projected * mu * (j3 - 1.0) / (e * e + h * h)
+        ee, eh, hh = k * e * e, k * e * h, k * h * h
+        out[4] += hh
+        out[5] += eh
+        out[6] -= eh
+        out[7] += hh
+        out[8] += ee
+        out[9] -= ee
+        out[10] += eh
+        out[11] += ee
+        out[12] -= eh
+        out[13] += hh

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
+from math import isfinite
 
 import numpy as np
 import numpy.typing as npt
@@ -51,10 +52,16 @@ class Recorder:
             self._status[at] = "not-converged"
             self._reason = outcome.reason
             return False
-        self._status[at] = "ok"
         state = read(outcome.x)
+        values = {name: float(getattr(state, name)) for name in self._columns}
+        odd = [name for name, value in values.items() if not isfinite(value)]
+        if odd:
+            self._status[at] = "not-converged"
+            self._reason = f"the state found has no finite {', '.join(odd)}"
+            return False
+        self._status[at] = "ok"
         for name, column in self._columns.items():
-            column[at] = getattr(state, name)
+            column[at] = values[name]
         return True
 
     def path(self) -> LoadPath:

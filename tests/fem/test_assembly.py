@@ -90,10 +90,10 @@ def test_energy_is_objective_and_forces_turn_along() -> None:
 
 
 @pytest.mark.parametrize("law", LAWS, ids=str)
-@pytest.mark.parametrize("projected", [False, True])
+@pytest.mark.parametrize("projected", [0.0, 0.5, 1.0])
 @pytest.mark.parametrize("design", [(0.35, 0.85), (0.9, 0.9)])
 def test_condensed_system_gives_the_answers_of_the_whole_matrix(
-    law: Material, projected: bool, design: tuple[float, float]
+    law: Material, projected: float, design: tuple[float, float]
 ) -> None:
     mesh = quarter_mesh(*design, SheetSpec(4, 4, 10.0, 10.0), MeshSpec(0.5, 0.8, 0.4))
     equation, _pattern, _ = quarter_equations(mesh)
@@ -113,6 +113,28 @@ def test_condensed_system_gives_the_answers_of_the_whole_matrix(
         np.testing.assert_allclose(
             parts.solve(right), expected, atol=CONDENSED_SOLUTION * np.abs(expected).max()
         )
+
+
+@pytest.mark.parametrize("law", LAWS, ids=str)
+def test_negative_modes_are_those_of_the_stiffness(law: Material) -> None:
+    """Counted by eigenvalues of the dense matrix, in a sheet crushed until it buckles."""
+    mesh = quarter_mesh(0.9, 0.9, SheetSpec(2, 2, 10.0, 0.0), MeshSpec(1.0, 2.0, 1.0))
+    equation, _pattern, _ = quarter_equations(mesh)
+    whole = AssembledSystem(mesh.points_mm, mesh.triangles(), equation, law)
+    parts = CondensedSystem(mesh, equation, law)
+    seen = set()
+    for squeeze in (1.0, 0.7, 0.6, 0.55):
+        x = mesh.points_mm * [squeeze, 1.0]
+        eigenvalues = np.linalg.eigvalsh(whole.stiffness(x).toarray())
+        assert np.abs(eigenvalues).min() > 1e-9
+        for system in (whole, parts):
+            system.linearise(x)
+            assert system.negative_modes() == np.sum(eigenvalues < 0)
+            system.linearise(x, projected=1.0)
+            assert system.negative_modes() == 0
+        seen.add(int(np.sum(eigenvalues < 0)))
+    assert min(seen) == 0
+    assert max(seen) > 2
 
 
 def test_a_folded_mesh_is_refused() -> None:
