@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import io
 
-import ezdxf
-from ezdxf import units
+from ezdxf import options, units  # type: ignore[attr-defined]
+from ezdxf.filemanagement import new
 
 from kiribench.fabrication.drawing import Drawing
 from kiribench.fabrication.profile import Profile
@@ -19,10 +19,10 @@ def write_dxf(drawing: Drawing, profile: Profile) -> str:
     on every entity too, for programs that do not look at the layer's.
     """
     # No time stamps and no random identifiers: the same drawing is the same file.
-    fixed = ezdxf.options.write_fixed_meta_data_for_testing
-    ezdxf.options.write_fixed_meta_data_for_testing = True
+    fixed = options.write_fixed_meta_data_for_testing
+    options.write_fixed_meta_data_for_testing = True
     try:
-        document = ezdxf.new("R2000", units=units.MM)
+        document = new("R2000", units=units.MM)
         document.header["$MEASUREMENT"] = 1
         document.header["$EXTMIN"] = (0.0, 0.0, 0.0)
         document.header["$EXTMAX"] = (drawing.width_mm, drawing.height_mm, 0.0)
@@ -45,7 +45,7 @@ def write_dxf(drawing: Drawing, profile: Profile) -> str:
         text = io.StringIO()
         document.write(text)
     finally:
-        ezdxf.options.write_fixed_meta_data_for_testing = fixed
+        options.write_fixed_meta_data_for_testing = fixed
     return text.getvalue()
 
 

@@ -53,9 +53,7 @@ def draw_template(plan: PatchPlan, name: str, profile: Profile, *, hole_mm: floa
     return page(name, f"Skin template {name}", _seen(plan, part), lines, profile)
 
 
-def draw_coupon(
-    name: str, profile: Profile, *, step_mm: float = 0.05, rows: int = 12
-) -> Drawing:
+def draw_coupon(name: str, profile: Profile, *, step_mm: float = 0.05, rows: int = 12) -> Drawing:
     """The kerf coupon: facing slits with growing gaps, and slits of known length.
 
     Left: row k has two slits in one line whose paths end k steps apart. The beam burns half a

@@ -7,7 +7,7 @@ A design without a side is drawn with lateral on the left and says LAT and MED.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -40,7 +40,7 @@ class PatchOptions:
     """
 
     kerf_mm: float = 0.0
-    hoops: Hoops | None = Hoops()
+    hoops: Hoops | None = field(default_factory=Hoops)
     fiducials: bool = True
 
 
@@ -83,16 +83,12 @@ def plan_patch(design: PatchDesign, options: PatchOptions) -> PatchPlan:
     mirrored = design.side.lower() == "left"
     bare = slits.strokes()
     if options.hoops is not None:
-        bare += hoop_shapes.windows(
-            cut_map.columns, cut_map.rows, cut_map.cell_mm, options.hoops
-        )
+        bare += hoop_shapes.windows(cut_map.columns, cut_map.rows, cut_map.cell_mm, options.hoops)
     fiducials = fiducial_centres(cut_map) if options.fiducials else np.zeros((0, 2))
     bare += crosses(fiducials, cut_map.cell_mm)
     if options.fiducials and options.hoops is not None:
         bare += _ticks(cut_map, options.hoops)
-    bare.append(
-        hoop_shapes.outline(cut_map.columns, cut_map.rows, cut_map.cell_mm, options.hoops)
-    )
+    bare.append(hoop_shapes.outline(cut_map.columns, cut_map.rows, cut_map.cell_mm, options.hoops))
     mirror = width if mirrored else None
     part = [stroke.moved((0.0, 0.0), mirror_x_mm=mirror) for stroke in bare]
     label, warnings = _label(design, cut_map, options.hoops, mirrored)

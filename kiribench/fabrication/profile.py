@@ -101,7 +101,9 @@ def read_profile(name: str) -> Profile:
         UsageError: no such profile, no such file, or every fault of the file at once.
     """
     if name in PROFILES:
-        text = files("kiribench.fabrication").joinpath("profiles", f"{name}.toml").read_text("utf-8")
+        text = (
+            files("kiribench.fabrication").joinpath("profiles", f"{name}.toml").read_text("utf-8")
+        )
         return _parse(text, name, file=f"{name}.toml")
     path = Path(name)
     if path.suffix.lower() != ".toml" or not path.is_file():

@@ -53,7 +53,8 @@ class Slits:
     def strokes(self) -> list[Stroke]:
         """One stroke of two points a slit."""
         return [
-            polyline("slit", np.array(ends)) for ends in zip(self.start_mm, self.end_mm, strict=True)
+            polyline("slit", np.array(ends))
+            for ends in zip(self.start_mm, self.end_mm, strict=True)
         ]
 
 

@@ -69,9 +69,7 @@ class Stroke:
             points.append(_flat_piece(p0, p1, float(b), flat_mm))
         return np.concatenate(points)
 
-    def moved(
-        self, offset_mm: tuple[float, float], *, mirror_x_mm: float | None = None
-    ) -> Stroke:
+    def moved(self, offset_mm: tuple[float, float], *, mirror_x_mm: float | None = None) -> Stroke:
         """The stroke shifted; with ``mirror_x_mm`` first mirrored to x -> mirror_x_mm - x."""
         points, bulge = self.points_mm, self.bulge
         if mirror_x_mm is not None:
@@ -114,7 +112,9 @@ def polyline(
 def circle(role: str, centre: Sequence[float], radius_mm: float) -> Stroke:
     """A circle as four quarter arcs."""
     x, y = centre
-    points = np.array([[x + radius_mm, y], [x, y + radius_mm], [x - radius_mm, y], [x, y - radius_mm]])
+    points = np.array(
+        [[x + radius_mm, y], [x, y + radius_mm], [x - radius_mm, y], [x, y - radius_mm]]
+    )
     return Stroke(role, points, np.full(4, np.tan(np.pi / 8)), True)
 
 
@@ -175,4 +175,4 @@ def _flat_piece(start: FloatArray, end: FloatArray, bulge: float, flat_mm: float
         [cos * spoke[0] - sin * spoke[1], sin * spoke[0] + cos * spoke[1]]
     )
     points[-1] = end
-    return points
+    return np.asarray(points)

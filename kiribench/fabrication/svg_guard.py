@@ -80,8 +80,8 @@ def look_into(data: bytes, *, file: Path) -> SvgHead:
     parser.StartElementHandler = lambda tag, attributes: scan.begin(tag, attributes, parser)
     parser.EndElementHandler = lambda tag: scan.end()
     parser.EntityDeclHandler = lambda *_: scan.refuse_entities(parser)
-    parser.StartDoctypeDeclHandler = (
-        lambda name, system, public, internal: internal and scan.refuse_entities(parser)
+    parser.StartDoctypeDeclHandler = lambda name, system, public, internal: (
+        scan.refuse_entities(parser) if internal else None
     )
     try:
         parser.Parse(data, True)
@@ -139,9 +139,7 @@ class _Scan:
         self.uses: dict[str | None, list[str]] = {}
         self.size: Counter[str | None] = Counter()
 
-    def begin(
-        self, tag: str, attributes: dict[str, str], parser: expat.XMLParserType
-    ) -> None:
+    def begin(self, tag: str, attributes: dict[str, str], parser: expat.XMLParserType) -> None:
         name = tag.rpartition(" ")[2].lower()
         self.elements[name] += 1
         if len(self.open) >= DEEPEST or self.elements.total() > MOST_ELEMENTS:
@@ -204,7 +202,9 @@ def _bounded_references(scan: _Scan, file: Path) -> None:
 
     def weight(owner: str | None, above: frozenset[str | None]) -> int:
         if owner in above or len(above) > DEEPEST:
-            raise _refused("svg-references", "Elements refer to each other in a circle.", file, None)
+            raise _refused(
+                "svg-references", "Elements refer to each other in a circle.", file, None
+            )
         if owner not in known:
             inside = above | {owner}
             total = scan.size[owner]

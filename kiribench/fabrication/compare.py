@@ -1,0 +1,283 @@
+"""A drawing that came back, laid over the drawing that it should be.
+
+Layers and colours may have changed, the origin too, and a program may have joined, split or
+dropped lines. So the comparison is by place alone: the outline gives the scale, the vertices give
+the pose among the eight turns and mirrorings of the plane, and then every stroke that was
+expected looks for its like.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import shapely
+from scipy.spatial import cKDTree
+from shapely import LineString, Polygon
+
+from kiribench.errors import Fault
+from kiribench.fabrication.drawing import Drawing
+from kiribench.fabrication.findings import Findings
+from kiribench.fabrication.match import match_slits, slit_faults
+from kiribench.fabrication.parts import Parts, same_ring, take_apart
+from kiribench.fabrication.reading import ReadStroke
+from kiribench.fabrication.sheet import CleanSlits, clean_slits
+from kiribench.fabrication.strokes import FloatArray
+
+BoolArray = npt.NDArray[np.bool_]
+
+_MARK_MM = 0.05
+"""A line within this of an expected mark is that mark."""
+_SCALE_STEP = 1e-4
+"""A relative difference of sizes above this is a wrong scale, not rounding."""
+_KNOWN_SCALES = {
+    "scale-inches": (25.4, "inches and millimetres were mistaken for each other"),
+    "scale-pixels-96": (96 / 25.4, "pixels of 1/96 inch were taken for millimetres"),
+    "scale-pixels-90": (90 / 25.4, "pixels of 1/90 inch were taken for millimetres"),
+    "scale-points-72": (72 / 25.4, "points of 1/72 inch were taken for millimetres"),
+    "scale-dpi-96-72": (96 / 72, "one program counts 96 pixels an inch, the other 72"),
+    "scale-dpi-96-90": (96 / 90, "one program counts 96 pixels an inch, the other 90"),
+    "scale-centimetres": (10.0, "centimetres and millimetres were mistaken for each other"),
+    "scale-metres": (1000.0, "metres and millimetres were mistaken for each other"),
+}
+_TURNS = (
+    ("as drawn", np.array([[1.0, 0.0], [0.0, 1.0]])),
+    ("turned by 180 degrees", np.array([[-1.0, 0.0], [0.0, -1.0]])),
+    ("turned by 90 degrees", np.array([[0.0, -1.0], [1.0, 0.0]])),
+    ("turned by 270 degrees", np.array([[0.0, 1.0], [-1.0, 0.0]])),
+    ("mirrored left to right", np.array([[-1.0, 0.0], [0.0, 1.0]])),
+    ("mirrored top to bottom", np.array([[1.0, 0.0], [0.0, -1.0]])),
+    ("mirrored on a diagonal", np.array([[0.0, 1.0], [1.0, 0.0]])),
+    ("mirrored on the other diagonal", np.array([[0.0, -1.0], [-1.0, 0.0]])),
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """What the comparison found.
+
+    Attributes:
+        faults: named differences.
+        scale: size of the drawing / expected size.
+        pose: in words.
+        slits: the slits found, doubles dropped, in the pose of the expected drawing.
+        outline, windows: rings found, in the same pose.
+        matched: number of expected slits that were found.
+        largest_error_mm: of the ends of the matched slits.
+    """
+
+    faults: tuple[Fault, ...]
+    scale: float
+    pose: str
+    slits: CleanSlits
+    outline: Polygon | None
+    windows: tuple[Polygon, ...]
+    matched: int
+    largest_error_mm: float
+
+
+def compare(
+    strokes: Sequence[ReadStroke], expected: Drawing, *, tolerance_mm: float, file: str
+) -> Comparison:
+    """Lay a drawing over the expected one.
+
+    Faults: ``outline-missing``, ``outline-twice``, ``outline-changed``, ``scale-*``,
+    ``drawing-stretched``, ``drawing-mirrored``, ``drawing-turned`` (warning), ``slit-missing``,
+    ``slit-extra``, ``slit-length``, ``slit-duplicate``, ``slit-overlap``, ``slit-split``
+    (warning), ``gap-closed``, ``slot-missing``, ``slot-extra``, ``marks-missing`` (warning),
+    ``outline-not-last``.
+    """
+    found = Findings(file)
+
+    parts = take_apart(strokes)
+    rim = Polygon(expected.of("outline")[0].flattened())
+    box = np.array(rim.bounds)
+    wanted = box[2:] - box[:2]
+    everything = np.concatenate([stroke.points_mm for stroke in strokes])
+    if parts.rings and parts.rings[0].area > 0:
+        seen = np.array(parts.rings[0].bounds)
+    else:
+        found.error(
+            "outline-missing",
+            "The drawing has no closed outline.",
+            "Draw it as one closed path, on the last layer.",
+        )
+        seen = np.concatenate([everything.min(axis=0), everything.max(axis=0)])
+    size = seen[2:] - seen[:2]
+    scale = _scale(size, wanted, found, tolerance_mm)
+    pose, turn = _pose(everything, (seen[:2] + seen[2:]) / 2, scale, expected, rim)
+    centre, goal = (seen[:2] + seen[2:]) / 2, (box[:2] + box[2:]) / 2
+
+    def placed(points: FloatArray) -> FloatArray:
+        return np.asarray((points - centre) / scale @ turn.T + goal)
+
+    if pose.startswith("mirrored"):
+        found.error(
+            "drawing-mirrored",
+            f"The drawing is {pose}: it is the patch of the other side of the body.",
+            "Mirror it back.",
+        )
+    elif pose != "as drawn":
+        found.warning(
+            "drawing-turned",
+            f"The drawing is {pose}.",
+            "Nothing, if meant so.",
+        )
+    rings = [Polygon(placed(np.array(ring.exterior.coords))) for ring in parts.rings]
+    outline, windows = _rings(rings, parts, expected, rim, tolerance_mm, found)
+    segments = placed(parts.segments_mm.reshape(-1, 2)).reshape(-1, 2, 2)
+    loose, owner = _without_marks(segments, parts.segment_stroke, expected, found)
+    slits = clean_slits(loose)
+    slit_faults(slits, found)
+    matched, worst = match_slits(slits, expected, tolerance_mm, found)
+    if outline is not None and len(loose):
+        last_cut = int(owner.max())
+        members = [m for index in parts.ring_strokes[1:] for m in index]
+        last_inner = max([last_cut, *members])
+        if max(parts.ring_strokes[0]) < last_inner:
+            found.error(
+                "outline-not-last",
+                "The outline is cut before the last inner cut: the patch is loose by then.",
+                "Put the outline last in the file, or on a layer that is worked last.",
+                f"place {max(parts.ring_strokes[0]) + 1} of {len(strokes)}",
+            )
+    return Comparison(tuple(found.faults), scale, pose, slits, outline, windows, matched, worst)
+
+
+def _scale(size: FloatArray, wanted: FloatArray, found: Findings, tolerance_mm: float) -> float:
+    """Size of the drawing / expected size, turned by a quarter or not; faults if not 1."""
+    straight, turned = size / wanted, size[::-1] / wanted
+    ratio = min((straight, turned), key=lambda r: abs(float(np.log(r[0] / r[1]))))
+    scale = float(np.sqrt(ratio[0] * ratio[1]))
+    if abs(ratio[0] / ratio[1] - 1) > _SCALE_STEP and (
+        np.max(np.abs(ratio / scale - 1) * wanted) > tolerance_mm
+    ):
+        found.error(
+            "drawing-stretched",
+            "Width and height of the drawing have different scales.",
+            "Scale both by the same factor.",
+            f"{ratio[0]:.5g} and {ratio[1]:.5g}",
+            "1 and 1",
+        )
+    if float(np.max(np.abs(ratio - 1) * wanted)) <= 2 * tolerance_mm or abs(scale - 1) < 1e-9:
+        return 1.0
+    if abs(scale - 1) <= _SCALE_STEP:
+        return 1.0  # a changed outline, not a scale
+    code, why = "scale-factor", "the drawing was scaled"
+    for name, (factor, words) in _KNOWN_SCALES.items():
+        if min(abs(scale / factor - 1), abs(scale * factor - 1)) < 1e-3:
+            code, why = name, words
+    found.error(
+        code,
+        f"The drawing has the wrong size: {why}.",
+        "Import it in millimetres, and measure the scale bar after the import.",
+        f"{size[0]:.3f} x {size[1]:.3f} mm, {scale:.5g} times too large"
+        if scale > 1
+        else f"{size[0]:.3f} x {size[1]:.3f} mm, {1 / scale:.5g} times too small",
+        f"{wanted[0]:.3f} x {wanted[1]:.3f} mm",
+    )
+    return scale
+
+
+def _pose(
+    points: FloatArray, centre: FloatArray, scale: float, expected: Drawing, rim: Polygon
+) -> tuple[str, FloatArray]:
+    """The turn or mirroring under which most of the expected vertices are there."""
+    box = np.array(rim.bounds)
+    goal = (box[:2] + box[2:]) / 2
+    part = [s for s in expected.strokes if s.role not in ("info",)]
+    vertices = np.concatenate([stroke.points_mm for stroke in part])
+    best = (-1.0, _TURNS[0])
+    for name, turn in _TURNS:
+        tree = cKDTree((points - centre) / scale @ turn.T + goal)
+        distance, _ = tree.query(vertices, distance_upper_bound=_MARK_MM)
+        share = float(np.mean(np.isfinite(distance)))
+        if share > best[0] + 1e-9:
+            best = (share, (name, turn))
+    return best[1]
+
+
+def _rings(
+    rings: list[Polygon],
+    parts: Parts,
+    expected: Drawing,
+    rim: Polygon,
+    tolerance_mm: float,
+    found: Findings,
+) -> tuple[Polygon | None, tuple[Polygon, ...]]:
+    """The outline and the windows among the rings."""
+    if parts.ring_twice:
+        found.error(
+            "outline-twice",
+            f"{parts.ring_twice} closed shapes are there twice: the beam would pass twice.",
+            "Delete the doubles.",
+        )
+    if not rings:
+        return None, ()
+    if not same_ring(rings[0], rim, tolerance_mm + 0.004):
+        found.error(
+            "outline-changed",
+            "The outline is not the one of the design.",
+            "Check size, corners and hoops; corners may have been rounded or flattened.",
+            f"{rings[0].hausdorff_distance(rim):.3f} mm off",
+            f"within {tolerance_mm:g} mm",
+        )
+    slots = [Polygon(s.flattened()) for s in expected.of("slot")]
+    marks = [Polygon(s.flattened()) for s in expected.of("label", "info") if s.closed]
+    free = list(range(1, len(rings)))
+    for wanted, name in [*[(m, "") for m in marks], *[(s, "slot") for s in slots]]:
+        place = wanted.centroid
+        near = [k for k in free if rings[k].centroid.distance(place) < 0.5]
+        match = next((k for k in near if same_ring(rings[k], wanted, tolerance_mm + 0.004)), None)
+        if match is not None:
+            free.remove(match)
+        elif name:
+            found.error(
+                "slot-missing",
+                "A strap window of the design is missing or has changed.",
+                "Draw it as one closed path.",
+                None,
+                f"around ({place.x:.2f}, {place.y:.2f}) mm",
+            )
+    windows = tuple(
+        rings[k]
+        for k in range(1, len(rings))
+        if any(same_ring(rings[k], slot, 0.5) for slot in slots)
+    )
+    inside = [k for k in free if rings[0].covers(rings[k]) and rings[k] not in windows]
+    if inside:
+        place = rings[inside[0]].centroid
+        found.error(
+            "slot-extra",
+            f"{len(inside)} closed shapes inside of the patch are not in the design.",
+            "Delete them, or turn outlined strokes back into single lines.",
+            f"({place.x:.2f}, {place.y:.2f}) mm",
+        )
+    return rings[0], windows
+
+
+def _without_marks(
+    segments: FloatArray, owner: npt.NDArray[np.int64], expected: Drawing, found: Findings
+) -> tuple[FloatArray, npt.NDArray[np.int64]]:
+    """The segments that are no expected mark."""
+    marks = [LineString(s.flattened()) for s in expected.of("label", "fiducial", "info")]
+    if not marks or not len(segments):
+        return segments, owner
+    roomy = [mark.buffer(_MARK_MM) for mark in marks]
+    lines = [LineString(pair) for pair in segments]
+    inside, mark = shapely.STRtree(roomy).query(lines, predicate="covered_by")
+    is_mark = np.zeros(len(segments), bool)
+    is_mark[inside] = True
+    own = [s for s in expected.of("label", "fiducial") if not s.closed]
+    wanted = {i for i, s in enumerate(expected.of("label", "fiducial", "info")) if s in own}
+    missing = wanted - set(mark.tolist())
+    if missing:
+        found.warning(
+            "marks-missing",
+            f"{len(missing)} of {len(wanted)} strokes of label and registration marks are "
+            "missing or have changed.",
+            "Keep them: they say which way is up and which leg it is for.",
+        )
+    return segments[~is_mark], owner[~is_mark]
