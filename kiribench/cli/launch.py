@@ -31,6 +31,7 @@ COMMANDS = {
     "measure": "Measure skin strain cell by cell from two bare scans.",
     "conform": "Score how well each patch cell lies on its cell of skin.",
     "simulate": "Simulate kirigami sheets by finite elements.",
+    "calibrate": "Fit hyperelastic laws to a tension test, with uncertainty.",
     "cv": "Compare surrogate models by cross-validation.",
     "fit": "Fit a surrogate model and keep it.",
     "predict": "Predict Poisson's ratio with a kept surrogate.",
