@@ -15,7 +15,7 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from kiribench.errors import DataError
+from kiribench.errors import DataError, NotConvergedError
 from kiribench.fem.material import Material, NeoHookean
 from kiribench.fem.surface_map import SurfaceMap
 from kiribench.fem.wear_measures import (
@@ -26,6 +26,7 @@ from kiribench.fem.wear_measures import (
     tip_state,
 )
 from kiribench.fem.wear_mesh import PatchMesh, mesh_patch
+from kiribench.fem.wear_sensitivities import corner_sensitivities
 from kiribench.fem.wear_system import Equilibrium, WearSystem, relax
 from kiribench.lattice import CutMap
 
@@ -270,5 +271,32 @@ def wear_sensitivities(
     spec: WearSpec | None = None,
     material: Material | None = None,
 ) -> WearSensitivities:
-    """Equilibrium and its derivatives by all cut lengths; arguments as in ``wear_patch``."""
-    raise NotImplementedError
+    """Equilibrium and its derivatives by all cut lengths; arguments as in ``wear_patch``.
+
+    A cut of length exactly 0 has derivative 0: the energy that a short cut sets free grows with
+    the square of its length.
+
+    Raises:
+        DataError: as ``wear_patch``, and with friction.
+        NotConvergedError: no equilibrium was found.
+    """
+    chosen = spec or WearSpec()
+    if chosen.friction != 0:
+        raise DataError(
+            "wear-sensitivity-friction",
+            "There are no sensitivities with friction.",
+            remedy="Design without friction, and check the design with it.",
+            got=chosen.friction,
+        )
+    began = time.process_time()
+    solution = solve_worn(cut_map, surface, origin_q_mm, chosen, material)
+    worn = read_worn(solution, surface, chosen, began)
+    if worn.reason is not None:
+        raise NotConvergedError(
+            "wear-not-converged",
+            f"The worn patch has no equilibrium to differentiate: {worn.reason}.",
+            remedy="Use shorter cuts or another mesh.",
+        )
+    began = time.process_time()
+    corner_q = corner_sensitivities(solution.system, solution.equilibrium.q)
+    return WearSensitivities(worn, corner_q, time.process_time() - began)

@@ -24,7 +24,7 @@ IntArray = npt.NDArray[np.int64]
 BoolArray = npt.NDArray[np.bool_]
 
 
-def _lanes_last(values: FloatArray, fill: IntArray) -> FloatArray:
+def lanes_last(values: FloatArray, fill: IntArray) -> FloatArray:
     """Facet-wise values (f, ...) as batches (B, ..., LANES); ``fill`` (B L,) picks the facets."""
     batched = values[fill].reshape(-1, LANES, *values.shape[1:])
     return np.ascontiguousarray(np.moveaxis(batched, 1, -1))
@@ -46,8 +46,8 @@ class FacetGroup:
         self.fill = fill
         self.nodes = np.ascontiguousarray(mesh.nodes[fill])
         self.sign = np.ones(len(fill))
-        self.gradients = _lanes_last(gradients, fill)
-        self.areas = _lanes_last(areas, fill)
+        self.gradients = lanes_last(gradients, fill)
+        self.areas = lanes_last(areas, fill)
         plan = self.plan
         corners = np.arange(template.elements.shape[1])
         self.diagonal = np.empty(len(template.spread), dtype=np.int64)
