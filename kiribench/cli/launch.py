@@ -35,6 +35,7 @@ COMMANDS = {
     "cv": "Compare surrogate models by cross-validation.",
     "fit": "Fit a surrogate model and keep it.",
     "predict": "Predict Poisson's ratio with a kept surrogate.",
+    "export": "Write the files for the laser and read them again.",
     "synth": "Make synthetic subjects with known truth.",
     "regress": "Check the synthetic subjects against truth and record.",
     "demo": "Score the three synthetic subjects and write the report.",
