@@ -49,7 +49,7 @@ def find_blobs(
     if min(part.shape) < 8:
         return _none()
     depth_source = 255.0 - part if bright else part
-    smooth = cv2.GaussianBlur(depth_source, (0, 0), 0.8)
+    smooth = np.asarray(cv2.GaussianBlur(depth_source, (0, 0), 0.8), dtype=np.float32)
     ground = _ground(smooth, pitch_px)
     depth = ground - smooth
     noise = float(np.median(np.abs(part[:, 1:] - part[:, :-1]))) / 0.954
@@ -69,8 +69,9 @@ def find_blobs(
         rim = 3
         u0, v0 = max(left - rim, 0), max(top - rim, 0)
         u1, v1 = min(left + width + rim, columns), min(top + height + rim, rows)
-        own = cv2.dilate((labels[v0:v1, u0:u1] == label).astype(np.uint8), np.ones((5, 5)))
-        own &= (mask[v0:v1, u0:u1] == 0) | (labels[v0:v1, u0:u1] == label)
+        core = labels[v0:v1, u0:u1] == label
+        near = cv2.dilate(core.astype(np.uint8), np.ones((5, 5))) > 0
+        own = near & ((mask[v0:v1, u0:u1] == 0) | core)
         raw = np.clip(ground[v0:v1, u0:u1] - depth_source[v0:v1, u0:u1], 0, None) * own
         weight = raw.astype(np.float64)
         total = float(weight.sum())
@@ -84,8 +85,7 @@ def find_blobs(
             ]
         )
         low, high = np.linalg.eigvalsh(cov / total)
-        inside = own > 0
-        spread = 0.5 * float((inside * (du * du + dv * dv)).sum())
+        spread = 0.5 * float((own * (du * du + dv * dv)).sum())
         found.append(
             (cx + x0, cy + y0, area, noise * np.sqrt(spread) / total, np.sqrt(max(low, 0) / high))
         )
@@ -126,13 +126,18 @@ def find_crossings(
     blurred = cv2.GaussianBlur(dark, (0, 0), max(1.0, 0.08 * pitch_px))
     wide = max(3, 2 * round(0.3 * pitch_px) + 1)
     lowest = cv2.erode(blurred, np.ones((wide, wide)))
-    ground = cv2.dilate(blurred, np.ones((2 * wide + 1, 2 * wide + 1)))
-    depth = ground - blurred
-    strong = float(np.percentile(depth, 99.5))
-    v, u = np.nonzero((blurred <= lowest) & (depth > 0.6 * strong) & (depth > 6.0))
-    rim = round(0.2 * pitch_px)
+    rim = round(0.3 * pitch_px) + 1
+    v, u = np.nonzero(blurred <= lowest)
     inner = (u > rim) & (v > rim) & (u < part.shape[1] - rim) & (v < part.shape[0] - rim)
-    px = np.column_stack([u[inner] + x0, v[inner] + y0]).astype(np.float64)
+    u, v = u[inner], v[inner]
+    # Between the lines, on all four sides, the ground must be seen: else it is the sheet's rim.
+    away = round(0.25 * pitch_px)
+    around = [blurred[v + i * away, u + j * away] for i in (-1, 1) for j in (-1, 1)]
+    depth = np.min(around, axis=0) - blurred[v, u]
+    if not len(depth) or depth.max() < 6.0:
+        return _none()
+    good = (depth > 6.0) & (depth > 0.5 * np.percentile(depth[depth > 6.0], 75))
+    px = np.column_stack([u[good] + x0, v[good] + y0]).astype(np.float64)
     ones = np.ones(len(px))
     return Blobs(px, ones, 0.5 * ones, ones)
 

@@ -76,7 +76,7 @@ def cells_of_corners(
     words[bad & np.isin(words, ("ok", "updated"))] = "lost"
     longitudinal, lateral = longitudinal.copy(), lateral.copy()
     longitudinal[bad] = lateral[bad] = np.nan
-    known = np.isfinite(now).all(axis=2)
+    known = np.asarray(np.isfinite(now).all(axis=2))
     return CellStates(
         longitudinal.ravel(),
         lateral.ravel(),

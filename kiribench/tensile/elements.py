@@ -88,7 +88,7 @@ def make_elements(block: Block, *, cut: bool, beyond: bool) -> Elements:
     rows = np.arange(-rim, 2 * block.rows + rim)
     columns = np.arange(-rim, 2 * block.columns + rim)
     place = np.stack(np.meshgrid(rows, columns, indexing="ij"), -1).reshape(-1, 2)
-    lattice = (place + 0.5) / 2.0
+    lattice = np.asarray((place + 0.5) / 2.0, dtype=np.float64)
     centre = np.round(block.px(lattice))
     half = np.array([[-1.0, -1.0], [-1.0, 1.0], [1.0, 1.0], [1.0, -1.0]]) / 4
     quad = np.stack([block.px(lattice + offset) for offset in half], axis=1)
@@ -98,7 +98,7 @@ def make_elements(block: Block, *, cut: bool, beyond: bool) -> Elements:
     reach = 0.5 * INNER / SUBSETS
     steps = (np.arange(SUBSETS) - (SUBSETS - 1) / 2) * reach
     offsets = np.stack(np.meshgrid(steps, steps, indexing="ij"), -1).reshape(-1, 2)
-    subset_lattice = (lattice[:, None] + offsets).reshape(-1, 2)
+    subset_lattice = (lattice[:, None] + offsets).reshape(-1, 2).astype(np.float64)
     subset_of = np.repeat(np.arange(len(place)), SUBSETS * SUBSETS)
     subset_centre = np.round(block.px(subset_lattice))
     # Subsets of few pixels reach into their neighbours' ground, but not out of the element.

@@ -117,6 +117,7 @@ class Follower:
             pyramid = _pyramid(picture, self._levels)
             for start in (guess, self._warp):
                 self._try_rest(pyramid, found, recent, start, self._levels - 1)
+            self._flow(pyramid, found, recent)
             self._spread(pyramid, found, usable)
         rest = np.flatnonzero(usable & ~found.good)
         if len(rest) > 0.02 * m:
@@ -147,6 +148,27 @@ class Follower:
     ) -> None:
         rest = np.flatnonzero(among & ~found.good)
         self._try(pyramid, found, rest, start[rest], level)
+
+    def _flow(self, pyramid: list[Float32Array], found: _Found, among: BoolArray) -> None:
+        """Starts from pyramidal Lucas-Kanade: shifts of many pixels without much turning."""
+        import cv2
+
+        rest = np.flatnonzero(among & ~found.good)
+        if not len(rest):
+            return
+        here = (self.elements.centre[rest] + self._warp[rest, :2]).astype(np.float32)
+        there, state, _ = cv2.calcOpticalFlowPyrLK(
+            cv2.convertScaleAbs(self._last),
+            cv2.convertScaleAbs(pyramid[0]),
+            here.reshape(-1, 1, 2),
+            None,
+            winSize=(31, 31),
+            maxLevel=5,
+        )
+        kept = state.ravel() == 1
+        start = self._warp[rest[kept]].copy()
+        start[:, :2] += (there.reshape(-1, 2) - here)[kept]
+        self._try(pyramid, found, rest[kept], start, 0, check=True)
 
     def _try(
         self,
@@ -190,7 +212,7 @@ class Follower:
         for _ in range(60):
             rest = np.flatnonzero(usable & ~found.good)
             ready, starts = [], []
-            for element in rest:
+            for element in rest.tolist():
                 away = np.abs(self.elements.place - self.elements.place[element]).max(axis=1)
                 near = np.flatnonzero(found.good & (away <= 2))
                 if len(near) < 3 or tried[element] == len(near):
@@ -321,7 +343,7 @@ def _pyramid(picture: Float32Array, levels: int) -> list[Float32Array]:
 
     pictures = [picture]
     for _ in range(levels - 1):
-        pictures.append(cv2.pyrDown(pictures[-1]))
+        pictures.append(np.asarray(cv2.pyrDown(pictures[-1]), dtype=np.float32))
     return pictures
 
 

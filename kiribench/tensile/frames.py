@@ -194,7 +194,7 @@ def check_exposure(
             got=f"{100 * share:.0f} % of the block",
             expected=f"at most {100 * limit:.0f} %",
         )
-    spread = float(np.percentile(part, 95) - np.percentile(part, 5))
+    spread = float(np.percentile(part, 99.5) - np.percentile(part, 0.5))
     if spread < 8.0:
         raise DatasetError(
             "frame-dark",

@@ -175,7 +175,7 @@ def _value(c: FloatArray, x: float, y: float) -> float:
     r1 = a0 * c[i, j - 1] + a1 * c[i, j] + a2 * c[i, j + 1] + a3 * c[i, j + 2]
     r2 = a0 * c[i + 1, j - 1] + a1 * c[i + 1, j] + a2 * c[i + 1, j + 1] + a3 * c[i + 1, j + 2]
     r3 = a0 * c[i + 2, j - 1] + a1 * c[i + 2, j] + a2 * c[i + 2, j + 1] + a3 * c[i + 2, j + 2]
-    return b0 * r0 + b1 * r1 + b2 * r2 + b3 * r3
+    return float(b0 * r0 + b1 * r1 + b2 * r2 + b3 * r3)
 
 
 @njit(cache=True, nogil=True)

@@ -68,7 +68,8 @@ class MarkerFollower:
         if missing.mean() > 0.25:
             raise DatasetError(
                 "tensile-markers",
-                f"{int(missing.sum())} of {len(corners)} corners have no marker in the first frame.",
+                f"{int(missing.sum())} of {len(corners)} corners have no marker in the first "
+                "frame.",
                 remedy="Check corners_px, rows, columns, marker and bright in tensile.json; closed "
                 "slits must be seen as dark lines.",
                 file=file,
@@ -87,6 +88,7 @@ class MarkerFollower:
         self.first_px = self._here[: len(corners)].copy()
         self.first_sd = np.where(missing, np.nan, found.sd_px[pairing.to])
         self.large_steps = 0
+        self.shifted_steps = 0
         if kind == "grid":
             self._start_templates(first, corners)
 
@@ -113,6 +115,7 @@ class MarkerFollower:
             if large.score > pairing.score + 0.02 or (large.ambiguous and pairing.score < 0.7):
                 pairing = large
                 self.large_steps += 1
+                self.shifted_steps += int(large.shifted)
         k = self._corner_count
         px = np.full(self._here.shape, np.nan)
         paired = pairing.to >= 0
@@ -161,7 +164,7 @@ class MarkerFollower:
             return strange
         count = min(9, len(known))
         _, near = cKDTree(self._rest[known]).query(self._rest[known], k=count)
-        for index, row in enumerate(near):
+        for index, row in enumerate(np.asarray(near)):
             me, others = known[index], known[row[1:]]
             design = np.column_stack([np.ones(len(others)), self._rest[others] - self._rest[me]])
             fit, *_ = np.linalg.lstsq(design, px[others], rcond=None)
@@ -183,7 +186,7 @@ class MarkerFollower:
         xi = np.stack(np.meshgrid(steps, steps), -1).reshape(-1, 2)
         self._centre = np.round(np.where(np.isfinite(self.first_px), self.first_px, corners))
         zero = np.zeros((len(corners), 6))
-        every = np.repeat(xi[None], len(corners), axis=0)
+        every = np.repeat(xi[None], len(corners), axis=0).astype(np.float64)
         self._templates = make_templates(first, self._centre, every, zero)
         self._warp = zero
         self.first_px = self._centre.copy()

@@ -176,6 +176,8 @@ class _Speckle:
         shape = (self._block.rows + 1, self._block.columns + 1, 2)
         return self._block.px(self._block.corner_lattice()).reshape(shape)
 
+    shifted_steps = 0
+
     @property
     def large_steps(self) -> int:
         """Elements that were found again after a large step."""
@@ -228,6 +230,11 @@ class _Markers:
             status.reshape(self._shape),
         )
         return state, seen.px.reshape(*self._shape, 2)
+
+    @property
+    def shifted_steps(self) -> int:
+        """Steps over which the markers may be their neighbours."""
+        return self._follower.shifted_steps
 
     @property
     def large_steps(self) -> int:
@@ -329,6 +336,19 @@ def _result(
                 "camera's motion is not removed there.",
                 "Choose still_px that stay in the picture and uncovered.",
                 file=frames.names[at],
+                severity="warning",
+            )
+        )
+    if kind.shifted_steps:
+        warnings.append(
+            Fault(
+                "tensile-identity",
+                "After a large step the markers could be their neighbours by a whole pitch: they "
+                "look alike, and the rim of the pattern is not in the picture.",
+                "Take pictures at smaller steps, or show the rim; where cells are alike the "
+                "stretches do not depend on it.",
+                file=str(path),
+                got=f"{kind.shifted_steps} steps",
                 severity="warning",
             )
         )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import numpy.typing as npt
 
@@ -39,7 +41,7 @@ def check_order(
     with_machine = len(moved) > 2 and bool(np.isfinite(moved).all()) and np.ptp(moved) > 0
     if path == "any" and not with_machine:
         return
-    for one, two in zip(known[:-1], known[1:], strict=True):
+    for one, two in pairwise(known.tolist()):
         change = stretch[two] - stretch[one]
         if with_machine:
             way = load.displacement_mm[two] - load.displacement_mm[one]

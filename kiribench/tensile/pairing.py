@@ -3,8 +3,9 @@
 Small steps: the nearest marker to where it is expected. Large ones: an affine map is sought
 that lays the markers of the last picture on those of the new one. Markers on a regular grid
 look alike, so a map that is shifted by a pitch fits nearly as well; what tells it from the true
-one is the rim of the grid, where markers are left over. Two maps that fit equally well are an
-ambiguity, and nothing is claimed.
+one is the rim of the grid, where markers are left over. Where the rim is not seen, the map that
+moves the markers least is taken, with a warning; two maps with different stretches that fit
+equally well are an ambiguity, and nothing is claimed.
 """
 
 from __future__ import annotations
@@ -32,12 +33,15 @@ class Pairing:
     Attributes:
         to: (k,) number in the new picture, -1 for none.
         score: pairs / the larger number of markers.
-        ambiguous: another pairing is as good.
+        ambiguous: a map with another stretch is as good.
+        shifted: a map that is shifted by a whole pitch is as good; the one that moves the markers
+            least was taken. The stretches are the same where neighbouring cells are alike.
     """
 
     to: IntArray
     score: float
     ambiguous: bool
+    shifted: bool = False
 
 
 def pair_nearest(expected: FloatArray, there: FloatArray, spacing_px: float) -> Pairing:
@@ -53,10 +57,10 @@ def pair_nearest(expected: FloatArray, there: FloatArray, spacing_px: float) -> 
     if not len(there) or not known.any():
         return Pairing(to, 0.0, False)
     here = np.flatnonzero(known)
-    away, nearest = cKDTree(there).query(expected[here])
-    _, back = cKDTree(expected[here]).query(there)
+    away, nearest = (np.asarray(part) for part in cKDTree(there).query(expected[here]))
+    back = np.asarray(cKDTree(expected[here]).query(there)[1])
     mutual = back[nearest] == np.arange(len(here))
-    good = mutual & (away <= GATE * spacing_px)
+    good = np.asarray(mutual & (away <= GATE * spacing_px))
     to[here[good]] = nearest[good]
     return Pairing(to, float(good.sum() / max(len(here), len(there))), False)
 
@@ -86,14 +90,24 @@ def pair_by_map(
                 found.append((score, image, to))
     found.sort(key=lambda item: -item[0])
     score, image, to = found[0]
-    ambiguous = any(
-        other > RIVAL * score
-        and np.median(np.linalg.norm(rival - image, axis=1)) > 0.5 * spacing_px
-        for other, rival, _ in found[1:]
-    )
+    ambiguous = shifted = False
+    for other, rival, rival_to in found[1:]:
+        if other <= RIVAL * score:
+            break
+        away = np.linalg.norm(rival - image, axis=1)
+        if np.median(away) <= 0.5 * spacing_px:
+            continue
+        if np.ptp(away) > 0.5 * spacing_px:  # another stretch, not another pitch
+            ambiguous = True
+            break
+        shifted = True
+        if np.linalg.norm(rival.mean(axis=0) - middle) < np.linalg.norm(
+            image.mean(axis=0) - middle
+        ):
+            image, to = rival, rival_to
     whole = np.full(len(here), -1, dtype=np.int64)
     whole[known] = to
-    return Pairing(whole, score, ambiguous)
+    return Pairing(whole, score, ambiguous, shifted)
 
 
 def _likely_shifts(moved: FloatArray, there: FloatArray, spacing_px: float) -> FloatArray:

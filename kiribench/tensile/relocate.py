@@ -113,7 +113,7 @@ def _keypoints(
     matrix = np.column_stack([shrink, -low])
     if scale != 1.0 or stretch != 1.0:
         levels = cv2.warpAffine(levels, matrix, (int(size[0]), int(size[1])), flags=cv2.INTER_AREA)
-    sift = cv2.SIFT_create(nfeatures=12000, contrastThreshold=0.02, sigma=1.2)
+    sift = cv2.SIFT.create(nfeatures=12000, contrastThreshold=0.02, sigma=1.2)
     points, descriptors = sift.detectAndCompute(levels, None)
     if descriptors is None:
         return np.zeros((0, 2)), np.zeros((0, 128), dtype=np.float32)
