@@ -9,6 +9,7 @@ fully. Bending, the lips of the cuts in contact, thickness and viscosity are not
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -18,6 +19,7 @@ import numpy.typing as npt
 from kiribench.errors import DataError, NotConvergedError
 from kiribench.fem.material import Material, NeoHookean
 from kiribench.fem.surface_map import SurfaceMap
+from kiribench.fem.wear_friction import drag_along
 from kiribench.fem.wear_measures import (
     cell_measures,
     face_overlap,
@@ -26,6 +28,7 @@ from kiribench.fem.wear_measures import (
     tip_state,
 )
 from kiribench.fem.wear_mesh import PatchMesh, mesh_patch
+from kiribench.fem.wear_rest import RestMap
 from kiribench.fem.wear_sensitivities import corner_sensitivities
 from kiribench.fem.wear_system import Equilibrium, WearSystem, relax
 from kiribench.lattice import CutMap
@@ -139,6 +142,9 @@ def wear_patch(
     origin_q_mm: tuple[float, float],
     spec: WearSpec | None = None,
     material: Material | None = None,
+    *,
+    rest: RestMap | None = None,
+    path: Sequence[SurfaceMap] | None = None,
 ) -> WornPatch:
     """Equilibrium of a patch on the skin.
 
@@ -148,13 +154,17 @@ def wear_patch(
         origin_q_mm: material coordinates that the patch's proximal lateral corner is laid on.
         spec: None is ``WearSpec()``.
         material: None is the paper's ``NeoHookean(0.207)``; no other law so far.
+        rest: where the flat patch is laid on skin that is not flat at rest; None is where the
+            grid's material coordinates say.
+        path: skins on the way from rest to the pose, which is the last (``skin_path``); needed
+            with a friction other than 0 and infinity, of which the way decides.
 
     Raises:
-        DataError: a mesh, straps or a law that cannot be modelled.
+        DataError: a mesh, straps or a law that cannot be modelled, or friction without a path.
     """
     began = time.process_time()
     chosen = spec or WearSpec()
-    solution = solve_worn(cut_map, surface, origin_q_mm, chosen, material)
+    solution = solve_worn(cut_map, surface, origin_q_mm, chosen, material, rest, path)
     return read_worn(solution, surface, chosen, began)
 
 
@@ -164,6 +174,8 @@ def solve_worn(
     origin_q_mm: tuple[float, float],
     spec: WearSpec,
     material: Material | None,
+    rest: RestMap | None = None,
+    path: Sequence[SurfaceMap] | None = None,
 ) -> Solution:
     """Mesh the patch, lay it on the skin and relax it; arguments as in ``wear_patch``."""
     law = material or NeoHookean()
@@ -184,12 +196,21 @@ def solve_worn(
         )
     mesh = mesh_patch(cut_map, spec.elements_per_facet, order, hold=(True, spec.straps != "free"))
     held = strapped_nodes(mesh, spec.straps)
-    laid = lay(mesh.points_mm, cut_map, origin_q_mm, spec)
+    laid = lay(mesh.points_mm, cut_map, origin_q_mm, spec, rest)
     fixed = np.repeat((held[0] | held[1])[:, None], 2, axis=1)
     system = WearSystem(mesh, surface, fixed, law.mu_mpa)
     if spec.friction == np.inf:
         jet = system.jet(laid)
         found = Equilibrium(laid, system.forces(jet), 0, system.energy(laid), None)
+    elif spec.friction > 0:
+        if not path:
+            raise DataError(
+                "wear-friction-path",
+                "Friction depends on the way from rest to the pose, and none was given.",
+                remedy="Give the skins on the way, such as skin_path(nodes000, nodes090, pitch).",
+                got=f"friction {spec.friction:g}",
+            )
+        found = drag_along(system, path, laid, spec.friction)
     else:
         found = relax(system, laid)
     return Solution(system, found, laid, held)
@@ -213,7 +234,11 @@ def strapped_nodes(
 
 
 def lay(
-    points_mm: FloatArray, cut_map: CutMap, origin_q_mm: tuple[float, float], spec: WearSpec
+    points_mm: FloatArray,
+    cut_map: CutMap,
+    origin_q_mm: tuple[float, float],
+    spec: WearSpec,
+    rest: RestMap | None = None,
 ) -> FloatArray:
     """Material coordinates (n, 2) that points of the patch (n, 2) are laid on, before they slide.
 
@@ -221,10 +246,14 @@ def lay(
     evenly along the patch.
     """
     width, length = cut_map.size_mm
-    centre = np.array([width / 2, length / 2])
+    middle = np.array([[width / 2, length / 2]])
+    if rest is None:
+        q, centre = points_mm + origin_q_mm, middle + origin_q_mm
+    else:
+        q, centre = rest.at(points_mm), rest.at(middle)
     angle = np.deg2rad(spec.turn_deg)
     turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-    q = (points_mm - centre) @ turn.T + centre + np.asarray(origin_q_mm) + spec.offset_mm
+    q = (q - centre) @ turn.T + centre + spec.offset_mm
     q[:, 1] -= spec.strap_slip_mm * points_mm[:, 1] / length
     return np.asarray(q)
 
@@ -270,6 +299,8 @@ def wear_sensitivities(
     origin_q_mm: tuple[float, float],
     spec: WearSpec | None = None,
     material: Material | None = None,
+    *,
+    rest: RestMap | None = None,
 ) -> WearSensitivities:
     """Equilibrium and its derivatives by all cut lengths; arguments as in ``wear_patch``.
 
@@ -289,7 +320,7 @@ def wear_sensitivities(
             got=chosen.friction,
         )
     began = time.process_time()
-    solution = solve_worn(cut_map, surface, origin_q_mm, chosen, material)
+    solution = solve_worn(cut_map, surface, origin_q_mm, chosen, material, rest)
     worn = read_worn(solution, surface, chosen, began)
     if worn.reason is not None:
         raise NotConvergedError(

@@ -9,6 +9,7 @@ positive definite shows itself there, and is made so (``projected``) away from e
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -272,47 +273,72 @@ _RESIDUAL = 1e-10
 _SMALLEST_STEP = 1.0 / 4096
 
 
-def relax(system: WearSystem, start: FloatArray) -> Equilibrium:
+class Potential(Protocol):
+    """Another potential of the nodes' q (U, 2), such as friction."""
+
+    def energy(self, q: FloatArray) -> float:
+        """Per thickness, N."""
+
+    def gradient(self, q: FloatArray) -> FloatArray:
+        """(U, 2) its derivative."""
+
+    def stiffness(self, q: FloatArray) -> FloatArray:
+        """(U, 4) second derivatives, row by row, not negative."""
+
+
+def relax(system: WearSystem, start: FloatArray, other: Potential | None = None) -> Equilibrium:
     """Minimise the energy from q (U, 2) by Newton's method with an energy line search.
 
     Where the tangent is not positive definite its negative parts are raised to zero, element
     by element, so that every step goes downhill.
     """
+
+    def total(q: FloatArray) -> float:
+        elastic = system.energy(q)
+        return elastic if other is None or elastic == np.inf else elastic + other.energy(q)
+
     q = start
-    energy = system.energy(q)
+    energy = total(q)
     tolerance = _RESIDUAL * system.mu_mpa * system.mesh.cut_map.cell_mm
-    projected = False
     force = np.zeros((len(q), 3))
+    reason = f"no equilibrium after {_MOST_ITERATIONS} iterations"
     if energy == np.inf:
         return Equilibrium(q, force, 0, energy, "the patch is folded where it starts")
-    for iteration in range(_MOST_ITERATIONS):
+    iteration = 0
+    for iteration in range(_MOST_ITERATIONS + 1):
         jet = system.jet(q)
-        force, definite = system.linearise(jet, projected=projected)
+        extra = None if other is None else other.stiffness(q)
+        force, definite = system.linearise(jet, extra=extra)
         residual = system.residual(jet, force)
+        if other is not None:
+            residual += np.where(system.fixed, 0.0, other.gradient(q))
         worst = float(np.abs(residual).max())
-        if worst <= tolerance:
+        if worst <= tolerance and definite:
             return Equilibrium(q, force, iteration, energy, None)
         if not definite:
-            if projected:
-                return Equilibrium(q, force, iteration, energy, "the tangent is singular")
-            force, definite = system.linearise(jet, projected=True)
+            force, definite = system.linearise(jet, extra=extra, projected=True)
             if not definite:
-                return Equilibrium(q, force, iteration, energy, "the tangent is singular")
+                reason = "the tangent is singular: a part of the patch is loose"
+                break
+            if worst <= tolerance:
+                reason = "the patch stands, but not stably: its tangent is not positive definite"
+                break
+        if iteration == _MOST_ITERATIONS:
+            break
         step = -system.solve(residual)
         slope = float(np.sum(residual * step))
-        size, found = 1.0, False
-        while size >= _SMALLEST_STEP:
-            trial = system.energy(q + size * step)
-            if trial <= energy + 1e-4 * size * slope + 1e-13 * abs(energy):
-                found = True
-                break
+        size, trial = 1.0, total(q + step)
+        # Close to equilibrium the energy is decided by rounding: the residual judges then.
+        while not trial <= energy + 1e-4 * size * slope + 1e-13 * abs(energy):
             size *= 0.5
-        if not found:
+            if size < _SMALLEST_STEP:
+                break
+            trial = total(q + size * step)
+        if size < _SMALLEST_STEP:
             reason = (
                 f"no step lowers the energy; the largest residual is {worst / tolerance:.1e} "
                 "times the tolerance"
             )
-            return Equilibrium(q, force, iteration, energy, reason)
+            break
         q, energy = q + size * step, trial
-    reason = f"no equilibrium after {_MOST_ITERATIONS} iterations"
-    return Equilibrium(q, force, _MOST_ITERATIONS, energy, reason)
+    return Equilibrium(q, force, iteration, energy, reason)
