@@ -69,19 +69,25 @@ def predict(at: DenseConditioned, cross: Tensor) -> tuple[Tensor, Tensor]:
     return mean, at.signal * (1.0 - half.square().sum(0)).clamp_min(0.0)
 
 
-def leave_rows_out(at: DenseConditioned, inverse: Tensor, fold: Tensor) -> tuple[Tensor, Tensor]:
+def leave_rows_out(
+    at: DenseConditioned, inverse: Tensor, fold: Tensor, cross: Tensor
+) -> tuple[Tensor, Tensor]:
     """Predict rows from all others, hyperparameters fixed (Dubrule 1983, doi:10.1007/BF01033030).
 
     Args:
         at: the process conditioned on all rows.
         inverse: (n, n) of ``K + g I``.
         fold: (q,) rows to leave out.
+        cross: (q, n) correlations of these rows' process with all rows, without any noise.
 
     Returns:
         (q,) means and (q,) noise-free variances.
     """
     block = torch.linalg.cholesky(inverse[fold][:, fold])
-    residual = torch.cholesky_solve(at.alpha[fold][:, None], block)[:, 0]
-    spread = torch.cholesky_inverse(block).diagonal()
-    variance = at.signal * (spread - at.noise_ratio).clamp_min(0.0)
-    return at.values[fold] - residual, variance
+    residual = torch.cholesky_solve(at.alpha[fold][:, None], block)
+    # The others' weights; those of the fold vanish, and with them what it shares with itself.
+    alpha = at.alpha - (inverse[:, fold] @ residual)[:, 0]
+    weighted = cross @ inverse
+    lost = torch.linalg.solve_triangular(block, weighted[:, fold].T, upper=False)
+    explained = (weighted * cross).sum(1) - lost.square().sum(0)
+    return cross @ alpha, at.signal * (1.0 - explained).clamp_min(0.0)

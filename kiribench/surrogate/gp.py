@@ -17,8 +17,10 @@ from numpy.typing import NDArray
 
 from kiribench.surrogate.exact_gp import ExactGP
 from kiribench.surrogate.grid import DesignGrid
-from kiribench.surrogate.hyperparameters import Hyperparameters, scaling_of
-from kiribench.surrogate.likelihood import KernelForm
+from kiribench.surrogate.hyperparameters import Hyperparameters, Parameters
+from kiribench.surrogate.kernel_form import KernelForm, start_parameters
+from kiribench.surrogate.learning import Problem, coarse_objective, learn, starts_of
+from kiribench.surrogate.likelihood import likeliest
 
 FloatArray = NDArray[np.float64]
 
@@ -78,10 +80,9 @@ class PaperGP(ExactGP):
         self.threads = threads
         self.random_state = random_state
 
-    def _kernel_form(self, inputs: int) -> KernelForm:
-        return KernelForm(
-            "gaussian", "gaussian", inputs, shared_scale=True, free_noise=not self.shared_sigma
-        )
+    def _kernel_forms(self, inputs: int) -> tuple[KernelForm, ...]:
+        free = not self.shared_sigma
+        return (KernelForm("gaussian", "gaussian", inputs, shared_scale=True, free_noise=free),)
 
     def _scaling(self) -> tuple[str, bool]:
         return self.input_scaling, self.centre_targets
@@ -92,38 +93,34 @@ class PaperGP(ExactGP):
         return super()._grid_of(X, y)
 
     def _learn(
-        self,
-        form: KernelForm,
-        X: FloatArray,
-        y: FloatArray,
-        grid: DesignGrid | None,
-        start: Hyperparameters | None,
-        place: torch.device,
-    ) -> Hyperparameters:
-        if grid is not None or self.shared_sigma:
-            return super()._learn(form, X, y, grid, start, place)
+        self, problem: Problem, form: KernelForm, start: Parameters | None
+    ) -> tuple[Hyperparameters, int]:
+        if problem.grid is not None or self.shared_sigma:
+            return learn(problem, form, start)
         from kiribench.surrogate.gpytorch_exact import maximise_in_gpytorch
 
-        low, span, mean, scale = scaling_of(
-            X, y, inputs=self.input_scaling, centre=self.centre_targets
-        )
-        unscaled = Hyperparameters(
-            tuple(low.tolist()), tuple(span.tolist()), mean, scale, (), (), 1.0, 1.0
-        )
-        inputs = torch.as_tensor(unscaled.scale_inputs(X), device=place)
-        values = torch.as_tensor(unscaled.scale_targets(y), device=place)
+        inputs = torch.as_tensor(problem.scaled.scale_inputs(problem.X), device=problem.place)
+        values = torch.as_tensor(problem.scaled.scale_targets(problem.y), device=problem.place)
+        used = 0
         if start is not None:
-            starts = [(start.length_scales[0], start.noise_ratio)]
-        elif self.input_scaling == "range":
-            starts = [(0.5, 1e-4)]
-        else:  # several optima: see ExactGP
-            starts = [(0.5, 1e-4), (0.5 * float(np.ptp(X, axis=0).max()), 1e-4)]
-        found = [maximise_in_gpytorch(inputs, values, x, self.max_evaluations) for x in starts]
+            starts = [start]
+        else:
+            tried = starts_of(form)
+            starts, used = [likeliest(coarse_objective(problem, form), tried)], len(tried)
+            if problem.raw:  # several optima: see learning
+                wide = 0.5 * np.ptp(problem.X, axis=0).max(keepdims=True)
+                starts.append(replace(start_parameters(form), length_scales=wide))
+        found = [
+            maximise_in_gpytorch(
+                inputs, values, (float(one.length_scales[0]), one.noise_ratio), self.max_evaluations
+            )
+            for one in starts
+        ]
         best = min(found, key=lambda one: one.negative_log_likelihood)
-        self.evaluations_ = sum(one.evaluations for one in found)
-        return replace(
-            unscaled,
+        learnt = replace(
+            problem.scaled,
             length_scales=(best.length_scale,),
             signal_variance=best.signal_variance,
             noise_ratio=best.noise_ratio,
         )
+        return learnt, used + sum(one.evaluations for one in found)

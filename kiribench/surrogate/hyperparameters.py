@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
@@ -16,14 +16,20 @@ class Parameters:
     """Kernel parameters in scaled inputs.
 
     Attributes:
-        length_scales: (d,) or (1,).
+        length_scales: (d,), with a corner (d + 1,) of which the last but one is the angle's, or
+            (1,) for one scale over all inputs.
         warp: (d - 1, 2) extra slopes p and q at the two ends; not used where nothing is warped.
         noise_ratio: noise variance over signal variance.
+        corner: (2,) how far outside the range the corner of the angle lies, see
+            :class:`kiribench.surrogate.kernel_form.KernelForm`; not used without an angle.
+        curve_noise: variance that all rows of a design have in common, over signal variance.
     """
 
     length_scales: FloatArray
     warp: FloatArray
     noise_ratio: float
+    corner: FloatArray = field(default_factory=lambda: np.ones(2))
+    curve_noise: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -35,10 +41,13 @@ class Hyperparameters:
     Attributes:
         input_low, input_span: d numbers, units of the inputs.
         target_mean, target_scale: unit of the targets.
-        length_scales: d numbers, or one for all inputs, in scaled inputs.
+        length_scales: d numbers (d + 1 with a corner), or one for all inputs, in scaled inputs.
         warp: d - 1 pairs of extra end slopes; empty where designs are not warped.
         signal_variance: of the scaled process.
         noise_ratio: noise variance over signal variance.
+        corner: two numbers, or empty where there is no angle.
+        curve_noise: variance common to a design's rows, over signal variance.
+        spread: factor on the standard deviations, from left-out designs of the training data.
     """
 
     input_low: tuple[float, ...]
@@ -49,11 +58,28 @@ class Hyperparameters:
     warp: tuple[tuple[float, float], ...]
     signal_variance: float
     noise_ratio: float
+    corner: tuple[float, ...] = ()
+    curve_noise: float = 0.0
+    spread: float = 1.0
+
+    @property
+    def noise_variance(self) -> float:
+        """Variance of an observation about the scaled process."""
+        return self.signal_variance * (self.noise_ratio + self.curve_noise)
 
     @property
     def noise_sd(self) -> float:
         """Standard deviation of an observation about the process, unit of the targets."""
-        return float(np.sqrt(self.signal_variance * self.noise_ratio) * self.target_scale)
+        return float(np.sqrt(self.noise_variance) * self.target_scale)
+
+    def observation_sd(self, variance: FloatArray) -> FloatArray:
+        """Standard deviation of observations, unit of the targets.
+
+        Args:
+            variance: (n,) of the scaled process, noise-free.
+        """
+        sd = np.sqrt(variance + self.noise_variance) * self.target_scale * self.spread
+        return np.asarray(sd, dtype=np.float64)
 
     @property
     def signal_sd(self) -> float:
@@ -64,7 +90,10 @@ class Hyperparameters:
         """What the kernel needs of these."""
         designs = len(self.input_low) - 1
         warp = np.array(self.warp) if self.warp else np.zeros((designs, 2))
-        return Parameters(np.array(self.length_scales), warp, self.noise_ratio)
+        corner = np.array(self.corner) if self.corner else np.ones(2)
+        return Parameters(
+            np.array(self.length_scales), warp, self.noise_ratio, corner, self.curve_noise
+        )
 
     def scale_inputs(self, X: FloatArray) -> FloatArray:
         """(n, d) inputs in the kernel's units."""
@@ -90,6 +119,9 @@ class Hyperparameters:
             warp=tuple((float(low), float(high)) for low, high in record["warp"]),
             signal_variance=float(record["signal_variance"]),
             noise_ratio=float(record["noise_ratio"]),
+            corner=tuple(map(float, record["corner"])),
+            curve_noise=float(record["curve_noise"]),
+            spread=float(record["spread"]),
         )
 
 

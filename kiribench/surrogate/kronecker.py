@@ -228,12 +228,21 @@ def leave_designs_out(
     return mean, variance
 
 
-def leave_entries_out(at: Conditioned, entries: Tensor) -> tuple[Tensor, Tensor]:
+def leave_entries_out(
+    at: Conditioned,
+    entries: Tensor,
+    cross_design: Tensor,
+    cross_strain: Tensor,
+    row_design: Tensor,
+) -> tuple[Tensor, Tensor]:
     """Predict observed grid entries from all other observed ones, hyperparameters fixed.
 
     Args:
         at: the grid conditioned on everything.
         entries: (t,) flat indices, none of them missing.
+        cross_design: (q, p) correlations of the entries' q designs with all designs, noise-free.
+        cross_strain: (t, m) correlations of the entries' strains with the grid's.
+        row_design: (t,) which of the q designs each entry has.
 
     Returns:
         (t,) means and (t,) noise-free variances.
@@ -242,10 +251,15 @@ def leave_entries_out(at: Conditioned, entries: Tensor) -> tuple[Tensor, Tensor]
     hidden = torch.cat([entries, at.missing])
     root = torch.linalg.cholesky(inverse_block(f, hidden))
     q_y = (f.u @ at.alpha @ f.v.T).reshape(-1)[hidden]
-    residual = torch.cholesky_solve(q_y[:, None], root)[: len(entries), 0]
-    spread = torch.cholesky_inverse(root).diagonal()[: len(entries)]
-    variance = at.signal * (spread - f.noise_ratio).clamp_min(0.0)
-    return at.filled.reshape(-1)[entries] - residual, variance
+    residual = torch.zeros_like(at.filled)
+    residual.view(-1)[hidden] = torch.cholesky_solve(q_y[:, None], root)[:, 0]
+    alpha = at.alpha - f.weights * (f.u.T @ residual @ f.v)
+    pd, ps = cross_design @ f.u, cross_strain @ f.v
+    mean = ((pd @ alpha)[row_design] * ps).sum(1)
+    explained = ((pd.square() @ f.weights)[row_design] * ps.square()).sum(1)
+    crossed = _crossed(f, hidden, pd, ps, row_design)
+    lost = torch.linalg.solve_triangular(root, crossed, upper=False).square().sum(0)
+    return mean, at.signal * (1.0 - explained + lost).clamp_min(0.0)
 
 
 def inverse_block(factors: Factors, entries: Tensor) -> Tensor:
@@ -278,9 +292,10 @@ def _crossed(f: Factors, entries: Tensor, pd: Tensor, ps: Tensor, row_design: Te
         row_design: (t,) which of the q designs each point has.
     """
     m = len(f.mu)
-    u, v = f.u[entries // m], f.v[entries % m]
+    designs, which = torch.unique(entries // m, return_inverse=True)
+    u, v = f.u[designs], f.v[entries % m]
     total = torch.zeros((len(entries), len(ps)), dtype=u.dtype, device=u.device)
     for j in range(m):
-        by_design = (u * f.weights[:, j]) @ pd.T
-        total += by_design[:, row_design] * (v[:, j, None] * ps[None, :, j])
+        pairs = (u * f.weights[:, j]) @ pd.T
+        total += pairs[which][:, row_design] * (v[:, j, None] * ps[None, :, j])
     return total

@@ -1,17 +1,14 @@
 """Sparse variational Gaussian process with inducing points, for scattered rows.
 
-Titsias 2009 (PMLR 5:567-574): with Gaussian noise the best variational distribution of
-the inducing values is known in closed form, and the bound with it put in is what is
-maximised; no stochastic steps, no learning rate. Kernels are GPyTorch's, and the tests
-compare the bound with GPyTorch's own ``VariationalELBO``. The inducing points are rows,
-chosen greedily by conditional variance (Burt et al. 2020, arXiv 2008.00323).
+The collapsed bound of :mod:`kiribench.surrogate.sparse_bound` is maximised: no stochastic
+steps, no learning rate. Kernels are GPyTorch's, and the tests compare the bound with
+GPyTorch's own ``VariationalELBO``.
 """
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass, replace
-from typing import Any, Literal, overload
+from dataclasses import replace
+from typing import Literal, overload
 
 import numpy as np
 import torch
@@ -22,33 +19,19 @@ from sklearn.utils.validation import check_is_fitted, validate_data
 
 from kiribench.errors import UsageError
 from kiribench.surrogate.devices import device_of, torch_threads
-from kiribench.surrogate.gpytorch_import import gpytorch
 from kiribench.surrogate.hyperparameters import Hyperparameters, scaling_of
 from kiribench.surrogate.likelihood import LENGTH_BOUNDS, MOST_NOISE
+from kiribench.surrogate.sparse_bound import (
+    SparseState,
+    bound,
+    greedy_points,
+    posterior,
+    predict_scaled,
+    whitened,
+)
 
 Tensor = torch.Tensor
 FloatArray = NDArray[np.float64]
-JITTER = 1e-8  # times the signal variance, on the inducing points' covariance
-
-
-@dataclass(frozen=True, eq=False)
-class SparseState:
-    """The variational posterior, ready to predict.
-
-    Attributes:
-        inducing: (m, d) scaled inputs.
-        root: (m, m) Cholesky factor of the inducing covariance, unit signal variance.
-        precision: (m, m) ``I + A A'``, A the whitened cross covariance over the noise sd.
-        weighted: (m,) ``A y`` over the noise sd.
-        signal, noise: variances of the scaled process.
-    """
-
-    inducing: Tensor
-    root: Tensor
-    precision: Tensor
-    weighted: Tensor
-    signal: float
-    noise: float
 
 
 class SparseVariationalGP(RegressorMixin, BaseEstimator):  # type: ignore[misc]
@@ -134,7 +117,7 @@ class SparseVariationalGP(RegressorMixin, BaseEstimator):  # type: ignore[misc]
         self.hyperparameters_, self.evaluations_ = learnt, 0
         self.n_features_in_ = inducing.shape[1]
         self.inducing_points_ = inducing * np.array(learnt.input_span) + np.array(learnt.input_low)
-        root, _, noise = _whitened(learnt, points, points[:1])
+        root, _, noise = whitened(learnt, points, points[:1])
         self._state = SparseState(
             points,
             root,
@@ -223,146 +206,7 @@ class SparseVariationalGP(RegressorMixin, BaseEstimator):  # type: ignore[misc]
         centred = np.asarray(mean.cpu().numpy() * learnt.target_scale + learnt.target_mean)
         if not return_std:
             return centred
-        noisy = variance.cpu().numpy() + self._state.noise
-        return centred, np.asarray(np.sqrt(noisy) * learnt.target_scale)
-
-
-def kernel_of(length_scales: Any, like: Tensor) -> Any:
-    """GPyTorch's Matern 5/2 correlation with one length scale an input."""
-    kernel = gpytorch.kernels.MaternKernel(nu=2.5, ard_num_dims=like.shape[1])
-    kernel = kernel.to(dtype=torch.float64, device=like.device)
-    kernel.lengthscale = torch.as_tensor(length_scales, dtype=torch.float64)
-    return kernel
-
-
-def bound(
-    length_scales: Tensor,
-    signal: Tensor,
-    noise: Tensor,
-    points: Tensor,
-    inputs: Tensor,
-    values: Tensor,
-) -> Tensor:
-    """Titsias' lower bound of the log marginal likelihood, q(u) at its optimum (eq. 9).
-
-    Args:
-        length_scales: (d,).
-        signal, noise: variances, scalars.
-        points: (m, d) inducing points.
-        inputs: (n, d) scaled rows.
-        values: (n,) scaled targets.
-    """
-    n, m = len(inputs), len(points)
-    k_uu = signal * _matern(points, points, length_scales)
-    k_uu = k_uu + JITTER * signal * torch.eye(m, dtype=values.dtype, device=values.device)
-    k_uf = signal * _matern(points, inputs, length_scales)
-    a = torch.linalg.solve_triangular(torch.linalg.cholesky(k_uu), k_uf, upper=False) / noise.sqrt()
-    precision = a @ a.T + torch.eye(m, dtype=values.dtype, device=values.device)
-    root = torch.linalg.cholesky(precision)
-    c = torch.linalg.solve_triangular(root, (a @ values)[:, None], upper=False)[:, 0]
-    c = c / noise.sqrt()
-    fit = (
-        -0.5 * n * math.log(2.0 * math.pi)
-        - root.diagonal().log().sum()
-        - 0.5 * n * noise.log()
-        - 0.5 * values.square().sum() / noise
-        + 0.5 * c.square().sum()
-    )
-    trace: Tensor = 0.5 * (n * signal / noise - a.square().sum())
-    return torch.sub(fit, trace)
-
-
-def posterior(
-    learnt: Hyperparameters, points: Tensor, inputs: Tensor, values: Tensor
-) -> SparseState:
-    """The optimal distribution of the inducing values given (n, d) rows."""
-    root, a, noise = _whitened(learnt, points, inputs)
-    precision = torch.eye(len(points), dtype=a.dtype, device=a.device) + a @ a.T
-    weighted = a @ values / math.sqrt(noise)
-    return SparseState(points, root, precision, weighted, learnt.signal_variance, noise)
-
-
-def predict_scaled(
-    learnt: Hyperparameters, state: SparseState, points: Tensor
-) -> tuple[Tensor, Tensor]:
-    """(t,) means and noise-free variances of the scaled process."""
-    with torch.no_grad():
-        cross = kernel_of(learnt.length_scales, points)(state.inducing, points).to_dense()
-        half = torch.linalg.solve_triangular(state.root, cross, upper=False)
-        half = half * math.sqrt(state.signal)
-        precision_root = torch.linalg.cholesky(state.precision)
-        mean = half.T @ torch.cholesky_solve(state.weighted[:, None], precision_root)[:, 0]
-        gained = torch.linalg.solve_triangular(precision_root, half, upper=False)
-        variance = state.signal - half.square().sum(0) + gained.square().sum(0)
-    return mean, variance.clamp_min(0.0)
-
-
-def leave_rows_out(
-    learnt: Hyperparameters, state: SparseState, inputs: Tensor, values: Tensor
-) -> tuple[Tensor, Tensor]:
-    """Predict (q, d) training rows from all others, kernel and inducing points fixed.
-
-    Taking rows out of ``I + A A'`` is subtracting their part: what Dubrule's formula says
-    of the sparse model's covariance, at the cost of one m x m factor a fold.
-    """
-    _, a, noise = _whitened(learnt, state.inducing, inputs)
-    without = SparseState(
-        state.inducing,
-        state.root,
-        state.precision - a @ a.T,
-        state.weighted - a @ values / math.sqrt(noise),
-        state.signal,
-        state.noise,
-    )
-    return predict_scaled(learnt, without, inputs)
-
-
-def greedy_points(learnt: Hyperparameters, inputs: Tensor, count: int) -> Tensor:
-    """Rows that, one after the other, have the largest variance given those before.
-
-    A partial pivoted Cholesky factorisation of the rows' correlations; ends early where
-    nothing is left to explain.
-    """
-    scales = torch.as_tensor(learnt.length_scales, dtype=inputs.dtype, device=inputs.device)
-    left = torch.ones(len(inputs), dtype=inputs.dtype, device=inputs.device)
-    factor = torch.zeros((min(count, len(inputs)), len(inputs)), dtype=inputs.dtype)
-    factor = factor.to(inputs.device)
-    chosen: list[int] = []
-    for step in range(len(factor)):
-        pivot = int(left.argmax())
-        if float(left[pivot]) < 1e-10:
-            break
-        row = _matern(inputs[pivot][None, :], inputs, scales)[0]
-        row = row - factor[:step, pivot] @ factor[:step]
-        factor[step] = row / left[pivot].sqrt()
-        left = (left - factor[step].square()).clamp_min(0.0)
-        chosen.append(pivot)
-    return inputs[torch.as_tensor(chosen, device=inputs.device)]
-
-
-def _whitened(
-    learnt: Hyperparameters, points: Tensor, inputs: Tensor
-) -> tuple[Tensor, Tensor, float]:
-    noise = learnt.signal_variance * learnt.noise_ratio
-    with torch.no_grad():
-        kernel = kernel_of(learnt.length_scales, points)
-        k_uu = kernel(points).to_dense()
-        k_uu = k_uu + JITTER * torch.eye(len(points), dtype=k_uu.dtype, device=k_uu.device)
-        root = torch.linalg.cholesky(k_uu)
-        k_uf = kernel(points, inputs).to_dense()
-        half = torch.linalg.solve_triangular(root, k_uf, upper=False)
-    return root, half * math.sqrt(learnt.signal_variance / noise), noise
-
-
-def _matern(left: Tensor, right: Tensor, scales: Tensor) -> Tensor:
-    # GPyTorch's kernel with the length scales as a differentiable argument. The small term
-    # keeps the root's slope finite for equal points.
-    squared = torch.zeros((len(left), len(right)), dtype=left.dtype, device=left.device)
-    for column in range(left.shape[1]):
-        gap = (left[:, None, column] - right[None, :, column]) / scales[column]
-        squared = squared + gap.square()
-    distance = (5.0 * squared + 1e-30).sqrt()
-    return (1.0 + distance + 5.0 / 3.0 * squared) * torch.exp(-distance)
+        return centred, learnt.observation_sd(variance.cpu().numpy())
 
 
 def _start(X: FloatArray, y: FloatArray) -> Hyperparameters:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from sklearn.gaussian_process import GaussianProcessRegressor
@@ -54,13 +56,62 @@ def numpy_gp(
 @pytest.mark.parametrize("scales", [(0.4, 0.4, 0.4), (0.3, 0.9, 0.5)])
 def test_posterior_and_likelihood_equal_plain_numpy(scales: tuple[float, ...]) -> None:
     X, y, at = scattered()
-    model = KroneckerGP(warp=False, hyperparameters=given(3, scales), optimise=False).fit(X, y)
+    model = KroneckerGP(
+        design_kernel="gaussian", hyperparameters=given(3, scales), optimise=False
+    ).fit(X, y)
     mean, sd = model.predict(at, return_std=True)
     expected_mean, expected_sd, log_likelihood = numpy_gp(X, y, at, np.array(scales))
     assert model.structure_ == "dense"
     np.testing.assert_allclose(mean, expected_mean, rtol=0, atol=GP_ALGEBRA)
     np.testing.assert_allclose(sd, expected_sd, rtol=0, atol=GP_ALGEBRA)
     assert model.log_marginal_likelihood_ == pytest.approx(log_likelihood, abs=1e-6)
+
+
+CORNER, CURVE, SPREAD = (0.1, 0.3), 0.05, 1.3
+
+
+def numpy_cornered_gp(
+    X: FloatArray, y: FloatArray, at: FloatArray, scales: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Matern 7/2 over x, y and the angle, Gaussian over strain, and an error a curve shares."""
+
+    def coordinates(rows: FloatArray) -> FloatArray:
+        angle = np.arctan2(rows[:, 0] + CORNER[0], 1 - rows[:, 1] + CORNER[1]) / (np.pi / 2)
+        return np.column_stack([rows[:, :2], angle, rows[:, 2]])
+
+    def k(left: FloatArray, right: FloatArray) -> tuple[FloatArray, FloatArray]:
+        gap = np.abs(coordinates(left)[:, None] - coordinates(right)[None]) / scales
+        r = np.sqrt(7) * gap[..., :3]
+        matern = np.prod((1 + r + 2 / 5 * r**2 + r**3 / 15) * np.exp(-r), axis=2)
+        by_strain = np.exp(-0.5 * gap[..., 3] ** 2)
+        same = (left[:, None, :2] == right[None, :, :2]).all(axis=2)
+        return SIGNAL * matern * by_strain, SIGNAL * CURVE * same * by_strain
+
+    smooth, shared = k(X, X)
+    covariance = smooth + shared + SIGNAL * NOISE * np.eye(len(X))
+    cross = k(at, X)[0]
+    mean = cross @ np.linalg.solve(covariance, (y - 0.2) / 1.3) * 1.3 + 0.2
+    left = SIGNAL - np.sum(cross * np.linalg.solve(covariance, cross.T).T, axis=1)
+    return mean, SPREAD * 1.3 * np.sqrt(left + SIGNAL * (NOISE + CURVE))
+
+
+@pytest.mark.parametrize("structure", ["grid", "dense"])
+def test_corner_and_curve_noise_equal_plain_numpy(
+    structure: str, curves: tuple[FloatArray, FloatArray]
+) -> None:
+    X, y = curves
+    X = X / np.array([100.0, 100.0, 1.0])
+    scales = (0.35, 0.8, 1.4, 0.5)
+    learnt = replace(given(3, scales), corner=CORNER, curve_noise=CURVE, spread=SPREAD)
+    rows = {"max_missing": -1, "resampling": "never"} if structure == "dense" else {}
+    model = KroneckerGP(hyperparameters=learnt, optimise=False, **rows).fit(X, y)
+    # New points and rows of known designs: the prediction is the smooth process at both.
+    at = np.vstack([np.random.default_rng(1).random((23, 3)) * 0.8, X[:20]])
+    expected_mean, expected_sd = numpy_cornered_gp(X, y, at, np.array(scales))
+    mean, sd = model.predict(at, return_std=True)
+    assert model.structure_ == structure
+    np.testing.assert_allclose(mean, expected_mean, rtol=0, atol=GP_ALGEBRA)
+    np.testing.assert_allclose(sd, expected_sd, rtol=0, atol=GP_ALGEBRA)
 
 
 @pytest.mark.parametrize("solver", ["auto", "dense"])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -10,18 +12,25 @@ from tolerances import GP_ALGEBRA, GP_GRADIENT
 from kiribench.surrogate import dense, kronecker
 from kiribench.surrogate.gp_kronecker import KroneckerGP
 from kiribench.surrogate.hyperparameters import Hyperparameters, Parameters
-from kiribench.surrogate.likelihood import (
+from kiribench.surrogate.kernel_form import (
     KernelForm,
     TorchParameters,
-    dense_objective,
     design_correlation,
     full_correlation,
-    grid_objective,
+    observed_correlation,
+    observed_design_correlation,
     strain_correlation,
 )
+from kiribench.surrogate.likelihood import dense_objective, grid_objective
 
-FORM = KernelForm("gaussian", "matern52", 3, warped=True)
-AT = Parameters(np.array([0.3, 0.6, 0.4]), np.array([[0.5, 3.0], [0.2, 1.0]]), 1e-3)
+FORM = KernelForm("gaussian", "matern52", 3, warped=True, cornered=True, curve_noise=True)
+AT = Parameters(
+    length_scales=np.array([0.3, 0.6, 1.5, 0.4]),
+    warp=np.array([[0.5, 3.0], [0.2, 1.0]]),
+    noise_ratio=1e-3,
+    corner=np.array([0.05, 0.3]),
+    curve_noise=0.02,
+)
 HOLES = {"complete": [], "holes": [0, 7, 8, 23, 41, 59], "a design": list(range(12, 18))}
 
 
@@ -45,6 +54,8 @@ def test_likelihood_and_gradient_equal_dense(holes: str) -> None:
     assert value == pytest.approx(expected, abs=GP_ALGEBRA)
     np.testing.assert_allclose(slope.length_scales, expected_slope.length_scales, rtol=0, atol=1e-7)
     np.testing.assert_allclose(slope.warp, expected_slope.warp, rtol=0, atol=1e-7)
+    np.testing.assert_allclose(slope.corner, expected_slope.corner, rtol=0, atol=1e-7)
+    assert slope.curve_noise == pytest.approx(expected_slope.curve_noise, rel=1e-8)
     assert slope.noise_ratio == pytest.approx(expected_slope.noise_ratio, rel=1e-8)
 
 
@@ -55,18 +66,22 @@ def test_gradient_is_a_finite_difference(holes: str) -> None:
     objective = grid_objective(FORM, designs, strains, values, missing)
     _, slope = objective(AT)
 
-    def at(vector: np.ndarray) -> float:
-        scales, warp = vector[:3], vector[3:7].reshape(2, 2)
-        return objective(Parameters(scales, warp, float(vector[7])))[0]
-
-    centre = np.concatenate([AT.length_scales, AT.warp.ravel(), [AT.noise_ratio]])
-    expected = np.concatenate([slope.length_scales, slope.warp.ravel(), [slope.noise_ratio]])
-    for index in range(8):
-        step = 1e-5 * centre[index]
-        high, low = centre.copy(), centre.copy()
-        high[index] += step
-        low[index] -= step
-        assert expected[index] == pytest.approx((at(high) - at(low)) / (2 * step), rel=GP_GRADIENT)
+    names = ("length_scales", "warp", "corner", "curve_noise", "noise_ratio")
+    for name in names:
+        centre = np.asarray(getattr(AT, name))
+        for index in np.ndindex(centre.shape):
+            step = 1e-5 * centre[index]
+            sides = []
+            for sign in (1, -1):
+                moved = centre.copy()
+                moved[index] += sign * step
+                sides.append(
+                    objective(replace(AT, **{name: moved if moved.ndim else float(moved)}))[0]
+                )
+            expected = (sides[0] - sides[1]) / (2 * step)
+            assert np.asarray(getattr(slope, name))[index] == pytest.approx(
+                expected, rel=GP_GRADIENT
+            ), name
 
 
 @pytest.mark.parametrize("holes", list(HOLES))
@@ -77,14 +92,14 @@ def test_posterior_equals_dense(holes: str) -> None:
     theta = TorchParameters.of(AT, rows)
     points = torch.as_tensor(np.random.default_rng(9).random((14, 3)))
     both = [
-        full_correlation(FORM, left, right, theta)
-        for left, right in ((rows[kept], rows[kept]), (points, rows[kept]))
+        observed_correlation(FORM, rows[kept], theta),
+        full_correlation(FORM, points, rows[kept], theta),
     ]
     flat_at = dense.condition(both[0], AT.noise_ratio, flat[kept])
     expected_mean, expected_variance = dense.predict(flat_at, both[1])
     at = kronecker.condition(
         kronecker.factorise(
-            design_correlation(FORM, designs, designs, theta),
+            observed_design_correlation(FORM, designs, theta),
             strain_correlation(FORM, strains, strains, theta),
             AT.noise_ratio,
         ),
@@ -135,5 +150,17 @@ def test_estimator_on_a_grid_equals_the_same_rows_taken_as_scattered(
 
 
 def test_hyperparameters_survive_json() -> None:
-    learnt = Hyperparameters((0.0, 1.0), (2.0, 3.0), 0.1, 0.2, (0.3, 0.4), ((1.0, 2.0),), 0.5, 1e-6)
+    learnt = Hyperparameters(
+        (0.0, 1.0),
+        (2.0, 3.0),
+        0.1,
+        0.2,
+        (0.3, 0.4),
+        ((1.0, 2.0),),
+        0.5,
+        1e-6,
+        corner=(0.1, 0.2),
+        curve_noise=1e-4,
+        spread=1.2,
+    )
     assert Hyperparameters.from_dict(learnt.as_dict()) == learnt

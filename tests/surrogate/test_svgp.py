@@ -7,7 +7,7 @@ import pytest
 import torch
 from tolerances import SVGP_BOUND
 
-from kiribench.surrogate import svgp
+from kiribench.surrogate import sparse_bound, svgp
 from kiribench.surrogate.gpytorch_import import gpytorch
 from kiribench.surrogate.hyperparameters import Hyperparameters
 
@@ -53,7 +53,7 @@ def gpytorch_elbo(points: torch.Tensor, X: torch.Tensor, y: torch.Tensor) -> flo
     noise = SIGNAL * RATIO
     likelihood.noise = torch.tensor(noise, dtype=torch.float64)
     with torch.no_grad():
-        jitter = svgp.JITTER * SIGNAL * torch.eye(len(points), dtype=torch.float64)
+        jitter = sparse_bound.JITTER * SIGNAL * torch.eye(len(points), dtype=torch.float64)
         k_uu = model.covar_module(points).to_dense() + jitter
         k_uf = model.covar_module(points, X).to_dense()
         # Titsias 2009, eq. 10: mean and covariance of the optimal q(u).
@@ -67,8 +67,8 @@ def gpytorch_elbo(points: torch.Tensor, X: torch.Tensor, y: torch.Tensor) -> flo
     objective = gpytorch.mlls.VariationalELBO(likelihood, model, num_data=len(X))
     with (
         torch.no_grad(),
-        gpytorch.settings.variational_cholesky_jitter(double_value=svgp.JITTER * SIGNAL),
-        gpytorch.settings.cholesky_jitter(double_value=svgp.JITTER * SIGNAL),
+        gpytorch.settings.variational_cholesky_jitter(double_value=sparse_bound.JITTER * SIGNAL),
+        gpytorch.settings.cholesky_jitter(double_value=sparse_bound.JITTER * SIGNAL),
         gpytorch.settings.fast_computations(False, False, False),
     ):
         return float(objective(model(X), y))
@@ -77,7 +77,7 @@ def gpytorch_elbo(points: torch.Tensor, X: torch.Tensor, y: torch.Tensor) -> flo
 def test_bound_equals_gpytorchs_variational_elbo() -> None:
     X, y = (torch.as_tensor(x) for x in table())
     points = X[::6].clone()
-    ours = svgp.bound(
+    ours = sparse_bound.bound(
         torch.tensor(SCALES, dtype=torch.float64),
         torch.tensor(SIGNAL, dtype=torch.float64),
         torch.tensor(SIGNAL * RATIO, dtype=torch.float64),
@@ -110,10 +110,10 @@ def test_bound_rises_to_the_exact_likelihood_with_more_points() -> None:
     X, y = (torch.as_tensor(x) for x in table())
     parameters = [torch.tensor(x, dtype=torch.float64) for x in (SCALES, SIGNAL, SIGNAL * RATIO)]
     bounds = [
-        float(svgp.bound(*parameters, svgp.greedy_points(learnt(), X, count), X, y))
+        float(sparse_bound.bound(*parameters, sparse_bound.greedy_points(learnt(), X, count), X, y))
         for count in (5, 20, 45, 90)
     ]
-    covariance = SIGNAL * svgp._matern(X, X, parameters[0]) + SIGNAL * RATIO * torch.eye(90)
+    covariance = SIGNAL * sparse_bound._matern(X, X, parameters[0]) + SIGNAL * RATIO * torch.eye(90)
     exact = torch.distributions.MultivariateNormal(torch.zeros(90).double(), covariance)
     assert bounds == sorted(bounds)
     assert float(exact.log_prob(y)) == pytest.approx(bounds[-1], abs=1e-2)
@@ -123,5 +123,5 @@ def test_bound_rises_to_the_exact_likelihood_with_more_points() -> None:
 def test_greedy_points_beat_the_first_rows() -> None:
     X, y = (torch.as_tensor(x) for x in table())
     parameters = [torch.tensor(x, dtype=torch.float64) for x in (SCALES, SIGNAL, SIGNAL * RATIO)]
-    greedy = svgp.bound(*parameters, svgp.greedy_points(learnt(), X, 20), X, y)
-    assert float(greedy) > float(svgp.bound(*parameters, X[:20], X, y))
+    greedy = sparse_bound.bound(*parameters, sparse_bound.greedy_points(learnt(), X, 20), X, y)
+    assert float(greedy) > float(sparse_bound.bound(*parameters, X[:20], X, y))
