@@ -226,13 +226,12 @@ def design_worn(
         )  # fmt: skip
 
     elements = options.elements_of(0)
-    found = model.sensitivities(map_of(p), elements)
-    if found.worn.status != "ok":
+    found = _tried(model, map_of(p), elements)
+    if found is None:
         raise NotConvergedError(
             "worn-start",
             "The patch that the design starts from has no equilibrium on this skin.",
             remedy="Start from another method, such as 'uniform'.",
-            got=found.worn.reason,
         )
     history = [state(p, found.worn, elements, 0.0)]
     trust, reason = options.trust, "all steps were taken"
@@ -243,21 +242,25 @@ def design_worn(
         if wanted != elements:
             # Another mesh has another misfit: steps are compared on one mesh only.
             elements = wanted
-            found = model.sensitivities(map_of(p), elements)
+            again = _tried(model, map_of(p), elements)
+            if again is None:
+                reason = f"no equilibrium at {elements} elements a facet"
+                break
+            found = again
             history.append(state(p, found.worn, elements, 0.0))
         before = history[-1]
-        taken = None
+        taken = after = None
         while trust > 1e-3:
             step = model_step(p, found, model, regular, trust)
             trial = p + step
-            after = model.sensitivities(map_of(trial), elements)
-            if after.worn.status == "ok":
+            after = _tried(model, map_of(trial), elements)
+            if after is not None:
                 new = state(trial, after.worn, elements, float(np.abs(step).max()))
                 if new.objective_mm2 < before.objective_mm2:
                     taken = new
                     break
             trust /= 4
-        if taken is None:
+        if taken is None or after is None:
             reason = "no shorter step made it better"
             break
         p, found, trust = trial, after, min(2 * trust, options.trust)
@@ -278,6 +281,15 @@ def design_worn(
         reason=reason,
         cpu_seconds=time.process_time() - began,
     )
+
+
+def _tried(model: WornModel, cut_map: CutMap, elements: int) -> WearSensitivities | None:
+    """The patch with its derivatives, or None where it has no equilibrium."""
+    try:
+        found = model.sensitivities(cut_map, elements)
+    except NotConvergedError:
+        return None
+    return found if found.worn.status == "ok" else None
 
 
 def misfit(corner_q_mm: FloatArray, model: WornModel) -> float:
