@@ -8,6 +8,7 @@ scatter is estimated from few cells). Families that do nearly equally well are n
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -145,13 +146,23 @@ class Observed:
         return result
 
 
-def diagnose(observed: Observed, causes: tuple[Cause, ...], *, seed: int = 0) -> Diagnosis:
+Again = Callable[[Explanation], tuple[Observed, tuple[Cause, ...]]]
+"""Linearises anew: the observations and a family's effects about the amounts of an explanation,
+such that the observations are again those of amounts counted from 0."""
+ROUNDS = 3
+
+
+def diagnose(
+    observed: Observed, causes: tuple[Cause, ...], *, seed: int = 0, again: Again | None = None
+) -> Diagnosis:
     """Name the family of causes that explains a difference, or say that it cannot be told.
 
     Args:
         observed: the difference and its errors.
         causes: with their effects on the same observations.
         seed: of the draws that calibrate the misfits for the estimated scatter.
+        again: where no family explains the difference with the first effects, the nearest one
+            gets its effects anew at the amounts found, for large amounts are not linear.
     """
     scatter = scatter_of(observed.cells, observed.blocks, observed.floor_sd)
     covariance = observed.covariance(scatter)
@@ -164,6 +175,16 @@ def diagnose(observed: Observed, causes: tuple[Cause, ...], *, seed: int = 0) ->
 
     noise = explain()
     single = [explain(name) for name in families]
+    best = max(single, key=lambda one: one.log_evidence, default=noise)
+    for _ in range(ROUNDS):
+        if again is None or best.probability >= IMPLAUSIBLE or not best.families:
+            break
+        moved, anew = again(best)
+        better = _explain(
+            moved.difference, covariance, best.families, list(anew), reference, scatter.freedom
+        )
+        single[single.index(best)] = better
+        best = better
     tried = (noise, *single)
     best = max(single, key=lambda one: one.log_evidence, default=noise)
     alike = _alike(causes, covariance)

@@ -24,6 +24,8 @@ Ends = Literal["held", "sliding"]
 
 LONGEST_CUT = 0.97
 """Changed cut lengths stay below this part of the cell."""
+SMALLEST_EXPONENT = 0.5
+"""Changed Ogden exponents stay above this."""
 STEPS = 9
 """Load steps that are simulated; between them all curves are cubic."""
 
@@ -144,7 +146,6 @@ class Response:
         displacement_mm: (n,) from 0.
         along, across: (n, k) log strains of the cells.
         force_n: (n,) the pull.
-        nominal_stress_mpa: (n,) the pull over the undeformed cross-section.
         face_overlap_mm: the largest.
     """
 
@@ -172,43 +173,6 @@ class Predicted:
     slope: FloatArray
     along_by_travel: FloatArray | None
     force_n: FloatArray
-
-
-def respond(
-    design: PatchDesign, specimen: Specimen, measured: Measured, displacements_mm: FloatArray
-) -> Response:
-    """Simulate the pull of a design at displacements (n,) that grow from above 0.
-
-    Raises:
-        NotConvergedError: the first steps have no answer.
-    """
-    cuts = CutMap(design.a, design.b, design.cell_mm)
-    found = simulate_patch(
-        cuts,
-        displacements_mm,
-        grip_mm=specimen.grip_mm,
-        ends=specimen.ends,
-        mesh=specimen.mesh,
-        material=specimen.material,
-    )
-    good = found.path.converged
-    if good.sum() < 4:
-        found.path.require_converged()
-        raise NotConvergedError(
-            "fem-not-converged",
-            "The simulated pull has too few load steps.",
-            remedy="Compare fewer, smaller strains.",
-        )
-    width = design.shape[1] * design.cell_mm
-    cells = (slice(None), measured.row, measured.col)
-    zero = np.zeros((1, len(measured.row)))
-    return Response(
-        np.concatenate([[0.0], found.path.displacement_mm[good]]),
-        np.concatenate([zero, np.log(found.longitudinal_stretch[good][cells])]),
-        np.concatenate([zero, np.log(found.lateral_stretch[good][cells])]),
-        np.concatenate([[0.0], found.path.nominal_stress_mpa[good] * width * design.thickness_mm]),
-        float(np.nanmax(found.path.face_overlap_mm[good])),
-    )
 
 
 def load_steps(design: PatchDesign, specimen: Specimen, measured: Measured) -> FloatArray:
@@ -274,6 +238,8 @@ def predict(
 
 def with_longer_cuts(design: PatchDesign, longer_a: float, longer_b: float) -> PatchDesign:
     """The design with every cut longer by a part of the cell; uncut cells stay uncut."""
+    if longer_a == 0 and longer_b == 0:
+        return design
     a = np.where(design.a > 0, np.clip(design.a + longer_a, 0, LONGEST_CUT), 0.0)
     b = np.where(design.b > 0, np.clip(design.b + longer_b, 0, LONGEST_CUT), 0.0)
     return replace(design, a=a, b=b, quantities={})
@@ -281,4 +247,118 @@ def with_longer_cuts(design: PatchDesign, longer_a: float, longer_b: float) -> P
 
 def other_exponent(material: Material, change: float) -> Material:
     """The law with another exponent and the same initial shear modulus."""
-    return Ogden(material.mu_mpa, float(material.alpha) + change)
+    return Ogden(material.mu_mpa, float(max(material.alpha + change, SMALLEST_EXPONENT)))
+
+
+@dataclass(frozen=True)
+class Amounts:
+    """By how much the sample differs from what is believed; all 0 is the belief.
+
+    Attributes:
+        longer_a, longer_b: of the cuts across and along the pull, parts of the cell.
+        exponent: change of the law's Ogden exponent.
+        stiffness: change of the force, as a part of it: shear modulus, thickness or load cell.
+        ends: 1 where the ends are of the other kind (free to narrow instead of held), between
+            0 and 1 a mixture of the two pulls.
+        slip: part of the displacement that is lost in the grips.
+        slack_mm: displacement before the sample is taut.
+    """
+
+    longer_a: float = 0.0
+    longer_b: float = 0.0
+    exponent: float = 0.0
+    stiffness: float = 0.0
+    ends: float = 0.0
+    slip: float = 0.0
+    slack_mm: float = 0.0
+
+
+class Simulator:
+    """Pulls of one design, each simulated once.
+
+    Args:
+        design: the cuts of the whole sample.
+        specimen: what is believed to be pulled.
+        measured: the frames whose cells are followed.
+        displacements_mm: (n,) load steps, growing from above 0.
+    """
+
+    def __init__(
+        self,
+        design: PatchDesign,
+        specimen: Specimen,
+        measured: Measured,
+        displacements_mm: FloatArray,
+    ) -> None:
+        self._design, self._specimen = design, specimen
+        self._row, self._col = measured.row, measured.col
+        self._steps = displacements_mm
+        self._known: dict[tuple[float, float, float, bool], Response] = {}
+
+    def response(self, amounts: Amounts | None = None) -> Response:
+        """The simulated pull; slip and slack are no part of it.
+
+        Raises:
+            NotConvergedError: the first steps have no answer.
+        """
+        at = amounts or Amounts()
+        believed = self._pull(at, False) if at.ends < 1 else self._pull(at, True)
+        if 0 < at.ends < 1:
+            other = self._pull(at, True)
+            n = min(len(believed.force_n), len(other.force_n))
+            believed = replace(
+                believed,
+                displacement_mm=believed.displacement_mm[:n],
+                along=(1 - at.ends) * believed.along[:n] + at.ends * other.along[:n],
+                across=(1 - at.ends) * believed.across[:n] + at.ends * other.across[:n],
+                force_n=(1 - at.ends) * believed.force_n[:n] + at.ends * other.force_n[:n],
+            )
+        return replace(believed, force_n=(1 + at.stiffness) * believed.force_n)
+
+    def predict(self, measured: Measured, amounts: Amounts | None = None) -> Predicted:
+        """What the pull says for the frames; see :func:`predict`."""
+        at = amounts or Amounts()
+        return predict(self.response(at), measured, slip=at.slip, slack_mm=at.slack_mm)
+
+    def _pull(self, at: Amounts, other_ends: bool) -> Response:
+        key = (at.longer_a, at.longer_b, at.exponent, other_ends)
+        if key not in self._known:
+            self._known[key] = self._simulated(at, other_ends)
+        return self._known[key]
+
+    def _simulated(self, at: Amounts, other_ends: bool) -> Response:
+        specimen = self._specimen
+        design = with_longer_cuts(self._design, at.longer_a, at.longer_b)
+        ends: Ends = specimen.ends
+        if other_ends:
+            ends = "sliding" if ends == "held" else "held"
+        material = specimen.material
+        if at.exponent:
+            material = other_exponent(material, at.exponent)
+        found = simulate_patch(
+            CutMap(design.a, design.b, design.cell_mm),
+            self._steps,
+            grip_mm=specimen.grip_mm,
+            ends=ends,
+            mesh=specimen.mesh,
+            material=material,
+        )
+        good = found.path.converged
+        if good.sum() < 4:
+            found.path.require_converged()
+            raise NotConvergedError(
+                "fem-not-converged",
+                "The simulated pull has too few load steps.",
+                remedy="Compare fewer, smaller strains.",
+            )
+        width = design.shape[1] * design.cell_mm
+        cells = (slice(None), self._row, self._col)
+        zero = np.zeros((1, len(self._row)))
+        pull = found.path.nominal_stress_mpa[good] * width * design.thickness_mm
+        return Response(
+            np.concatenate([[0.0], found.path.displacement_mm[good]]),
+            np.concatenate([zero, np.log(found.longitudinal_stretch[good][cells])]),
+            np.concatenate([zero, np.log(found.lateral_stretch[good][cells])]),
+            np.concatenate([[0.0], pull]),
+            float(np.nanmax(found.path.face_overlap_mm[good])),
+        )
