@@ -36,6 +36,7 @@ COMMANDS = {
     "fit": "Fit a surrogate model and keep it.",
     "predict": "Predict Poisson's ratio with a kept surrogate.",
     "export": "Write the files for the laser and read them again.",
+    "tensile": "Measure strain and Poisson's ratio in the pictures of a tensile test.",
     "synth": "Make synthetic subjects with known truth.",
     "regress": "Check the synthetic subjects against truth and record.",
     "demo": "Score the three synthetic subjects and write the report.",

@@ -79,7 +79,7 @@ class Dots:
 
     centre_mm: FloatArray
     radius_mm: float
-    soft_mm: float = 0.05
+    soft_mm: float = 0.2
     dark: float = 0.1
     bright: float = 0.8
 
@@ -99,7 +99,7 @@ class DrawnGrid:
     pitch_mm: float
     line_mm: float
     origin_mm: tuple[float, float] = (0.0, 0.0)
-    soft_mm: float = 0.05
+    soft_mm: float = 0.2
     dark: float = 0.1
     bright: float = 0.8
 

@@ -34,8 +34,9 @@ def find_blobs(
 ) -> Blobs:
     """Dark (or bright) spots on an uneven ground within a box.
 
-    The ground is the picture's median-like level over a pitch (grey closing), so a light that
-    falls off does not move the centroids; each spot is weighed by how far it lies below.
+    Spots are found against the level around them (a grey closing over a pitch); the centroid is
+    weighed by how far each pixel lies below the ring around its own spot, so that light which
+    falls off does not move it.
 
     Args:
         picture: (h, w) brightness. pitch_px: distance of the markers.
@@ -66,15 +67,24 @@ def find_blobs(
             continue
         if left == 0 or top == 0 or left + width == columns or top + height == rows:
             continue
-        rim = 3
+        rim = 5
         u0, v0 = max(left - rim, 0), max(top - rim, 0)
         u1, v1 = min(left + width + rim, columns), min(top + height + rim, rows)
         core = labels[v0:v1, u0:u1] == label
         near = cv2.dilate(core.astype(np.uint8), np.ones((5, 5))) > 0
         own = near & ((mask[v0:v1, u0:u1] == 0) | core)
-        raw = np.clip(ground[v0:v1, u0:u1] - depth_source[v0:v1, u0:u1], 0, None) * own
+        ring = (cv2.dilate(core.astype(np.uint8), np.ones((9, 9))) > 0) & ~near
+        ring &= mask[v0:v1, u0:u1] == 0
+        level = (
+            float(np.median(smooth[v0:v1, u0:u1][ring]))
+            if ring.sum() >= 8
+            else float(ground[v0:v1, u0:u1].mean())
+        )
+        raw = np.clip(level - depth_source[v0:v1, u0:u1], 0, None) * own
         weight = raw.astype(np.float64)
         total = float(weight.sum())
+        if total <= 0:
+            continue
         v, u = np.mgrid[v0:v1, u0:u1]
         cx, cy = float((weight * u).sum() / total), float((weight * v).sum() / total)
         du, dv = u - cx, v - cy

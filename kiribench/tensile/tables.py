@@ -1,4 +1,4 @@
-"""The tables of a tensile test on disk: ``tensile.tsv`` by cell, ``curve.tsv`` by frame."""
+"""The tables of a tensile test on disk: ``cells.tsv`` by cell, ``curve.tsv`` by frame."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from kiribench.tensile.result import STATES, TensileTest
 FloatArray = NDArray[np.float64]
 
 SCHEMA = "kiribench.tensile_table/1"
-CELLS_FILE = "tensile.tsv"
+CELLS_FILE = "cells.tsv"
 CURVE_FILE = "curve.tsv"
 
 CELL_COLUMNS = {
@@ -51,7 +51,7 @@ CURVE_COLUMNS = {
 def write_tensile(
     folder: Path, test: TensileTest, *, measure: str = "log", min_strain: float = 0.01
 ) -> tuple[Path, Path]:
-    """Write ``tensile.tsv`` and ``curve.tsv``, each with its JSON; the two tables.
+    """Write ``cells.tsv`` and ``curve.tsv``, each with its JSON; the two tables.
 
     Args:
         folder: made if it is not there.
@@ -88,7 +88,7 @@ def write_tensile(
 
 
 def cell_rows(test: TensileTest) -> list[dict[str, Any]]:
-    """The rows of ``tensile.tsv``."""
+    """The rows of ``cells.tsv``."""
     rows = []
     for n, frame in enumerate(test.frame):
         for k, cell in enumerate(test.cell):
