@@ -22,9 +22,10 @@ from kiribench.fabrication.strokes import FloatArray, Stroke
 IntArray = npt.NDArray[np.int64]
 
 _NEIGHBOURS = 10
-_KICKS = 4_000_000
-"""Length of the search: double bridges x strokes."""
-_MOST_KICKS = 30_000
+_KICKS_A_STROKE = 50
+"""Length of the search: double bridges a stroke, ..."""
+_WORK = 4_000_000
+"""... and at most this many double bridges x strokes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +59,7 @@ def shortest_route(ends_mm: FloatArray, start_mm: Sequence[float] | FloatArray) 
     tour = _nearest_first(points)
     if count > 2:
         near = _neighbours(points[:-1])
-        kicks = min(_MOST_KICKS, max(200, _KICKS // count))
+        kicks = max(200, min(_KICKS_A_STROKE * count, _WORK // count))
         tour = _search(points, near, tour, kicks)
     travel = float(_length(points, tour))
     return Route(tour >> 1, (tour & 1).astype(bool), travel)
@@ -282,11 +283,11 @@ def _search(points, near, begin, kicks):  # type: ignore[no-untyped-def]
         pos[tour[i] >> 1] = i
         top = _push(stack, waiting, top, tour, i)
     _improve(points, near, tour, pos, stack, waiting, top)
-    if n < 8:
+    if n < 3:
         return tour
     kept, kept_pos = tour.copy(), pos.copy()
     random = np.uint64(88172645463325252)
-    longest = min(50, (n - 1) // 3)
+    longest = max(1, min(50, (n - 1) // 3))
     draws = np.zeros(3, np.int64)
     home = len(points) - 1
     for _ in range(kicks):

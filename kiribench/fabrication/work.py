@@ -79,13 +79,14 @@ def work_warnings(slits: Slits, profile: Profile, *, kerf_mm: float | None) -> t
             )
         )
     if profile.closes_gaps_mm is not None:
-        gaps = narrow_gaps(slits, profile.closes_gaps_mm)
+        # 'About': a fifth more is warned of too.
+        gaps = narrow_gaps(slits, 1.2 * profile.closes_gaps_mm)
         if gaps:
             warnings.append(
                 Fault(
                     "gaps-may-be-closed",
-                    f"{gaps} gaps between slits in one line are at most "
-                    f"{profile.closes_gaps_mm:g} mm wide: the program of this machine may "
+                    f"{gaps} gaps between slits in one line are hardly wider than "
+                    f"{profile.closes_gaps_mm:g} mm, or narrower: the program of this machine may "
                     "close them (geometry optimisation).",
                     "Switch it off, and verify the file that comes out of the program.",
                     severity="warning",
