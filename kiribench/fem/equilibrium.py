@@ -23,7 +23,7 @@ _SMALLEST_STEP = 1.0 / 256
 """A requested step is halved at most this far."""
 _MOST_ITERATIONS = 100
 """For one attempt to reach a load."""
-MOST_WORK = 4000
+MOST_WORK = 1500
 """Iterations for a whole path: it ends there, not converged. Smooth paths of 25 steps need 50."""
 _STALE_BELOW = 1e-4
 """Below this energy error (of the stored energy) the last factorisation is used again."""

@@ -22,20 +22,35 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kiribench.errors import Fault, TableError
-from kiribench.schema.strict_json import parse_json, short
+from kiribench.schema.strain_measure import (
+    DEFAULT_MEASURE,
+    MEASURES,
+    check_measure,
+    settle_measure,
+    strain_of_stretch,
+)
+from kiribench.schema.strict_json import short
+from kiribench.schema.table_files import read_frame, read_sidecar
 
 if TYPE_CHECKING:
     import pandas as pd
 
 FloatArray = NDArray[np.float64]
-MEASURES = ("log", "engineering", "green")
-DEFAULT_MEASURE = "log"
+
+__all__ = [
+    "DEFAULT_MEASURE",
+    "MEASURES",
+    "DesignSpace",
+    "read_design_space",
+    "read_frame",
+    "read_points",
+    "read_sidecar",
+    "settle_measure",
+    "strain_of_stretch",
+]
+
 LEAST_STRAIN = 1e-9  # below it Poisson's ratio is 0 / 0
 _MOST_FAULTS = 20
-_WHY_MEASURE = (
-    "Poisson's ratio is a ratio of strains, and at large strain the measures disagree: the "
-    "same cell at stretch 2 has nu = -0.32 in log and -0.24 in engineering strain."
-)
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,15 +100,6 @@ class DesignSpace:
         """The table and its sidecar, for the provenance."""
         sidecar = self.file.with_suffix(".json")
         return (self.file, sidecar) if self.sidecar else (self.file,)
-
-
-def strain_of_stretch(stretch: FloatArray, measure: str) -> FloatArray:
-    """Strain in a named measure of any array of stretches (deformed / reference length)."""
-    if measure == "engineering":
-        return np.asarray(stretch - 1.0)
-    if measure == "green":
-        return np.asarray(0.5 * (stretch * stretch - 1.0))
-    return np.asarray(np.log(stretch))
 
 
 def read_design_space(path: Path, *, measure: str | None = None) -> DesignSpace:
@@ -172,55 +178,6 @@ def read_design_space(path: Path, *, measure: str | None = None) -> DesignSpace:
     )
 
 
-def read_frame(path: Path) -> pd.DataFrame:
-    """A CSV, TSV or Parquet table as it stands.
-
-    Raises:
-        TableError: there is no such file, it is empty, or it is no table.
-    """
-    import pandas as pd
-
-    if not path.is_file():
-        raise TableError(
-            "table-missing", "The table does not exist.", remedy="Check the path.", file=path
-        )
-    try:
-        if path.suffix.lower() in (".parquet", ".pq"):
-            frame = pd.read_parquet(path)
-        else:
-            separator = "\t" if path.suffix.lower() == ".tsv" else ","
-            frame = pd.read_csv(path, sep=separator, skipinitialspace=True)
-    except (ValueError, OSError, pd.errors.ParserError, UnicodeDecodeError) as error:
-        raise TableError(
-            "table-unreadable",
-            f"The table cannot be read ({short(str(error), 200)}).",
-            remedy="Save it as CSV with commas and decimal points, as TSV or as Parquet.",
-            file=path,
-        ) from error
-    frame.columns = [str(name).strip() for name in frame.columns]
-    if frame.empty:
-        raise TableError(
-            "table-empty", "The table has no rows.", remedy="Add one row a step.", file=path
-        )
-    return frame
-
-
-def read_sidecar(path: Path) -> dict[str, Any]:
-    """The JSON object of the table's stem, empty where there is none.
-
-    Raises:
-        TableError: the sidecar is no JSON object.
-    """
-    sidecar = path.with_suffix(".json")
-    if not sidecar.is_file() or sidecar == path:
-        return {}
-    content, faults = parse_json(sidecar.read_bytes(), file=str(sidecar))
-    errors = [fault for fault in faults if fault.severity == "error"]
-    if content is None or errors:
-        raise TableError.of(errors or faults)
-    return content
-
-
 def _check_columns(frame: pd.DataFrame, wanted: list[str], path: Path) -> None:
     absent = [name for name in wanted if name not in frame.columns]
     if absent:
@@ -235,75 +192,6 @@ def _check_columns(frame: pd.DataFrame, wanted: list[str], path: Path) -> None:
                 got=short(", ".join(map(str, frame.columns)), 200),
             )
             for name in absent
-        )
-
-
-def settle_measure(
-    frame: pd.DataFrame, sidecar: dict[str, Any], asked: str | None, stretches: bool, path: Path
-) -> str:
-    """The measure that a table's strains are in, or that its stretches are to be read in.
-
-    Args:
-        frame, sidecar: the table and what stands beside it.
-        asked: by the caller, or None.
-        stretches: whether the table holds stretches, which have no measure.
-        path: of the table.
-
-    Raises:
-        TableError: the measure is not declared, not known, mixed or contradicted.
-    """
-    if asked is not None:
-        _known(asked, path, "--strain-measure")
-    if stretches:
-        return asked or DEFAULT_MEASURE
-    declared: list[tuple[str, str]] = []
-    if "StrainMeasure" in sidecar:
-        declared.append(("the sidecar", str(sidecar["StrainMeasure"]).strip().lower()))
-    if "strain_measure" in frame.columns:
-        values = sorted({str(value).strip().lower() for value in frame["strain_measure"]})
-        if len(values) > 1:
-            raise TableError(
-                "strain-measure-mixed",
-                f"The table mixes strain measures. {_WHY_MEASURE}",
-                remedy="Convert all rows to one measure.",
-                file=path,
-                column="strain_measure",
-                got=short(", ".join(values)),
-            )
-        declared.append(("the column strain_measure", values[0]))
-    if asked is not None:
-        declared.append(("the call", asked))
-    if not declared:
-        raise TableError(
-            "strain-measure-missing",
-            f"The table does not say in which measure its strains are. {_WHY_MEASURE}",
-            remedy='Write {"StrainMeasure": "log"} (or engineering, green) to '
-            f"{path.with_suffix('.json').name}, or give --strain-measure.",
-            file=path,
-            expected=", ".join(MEASURES),
-        )
-    for where, value in declared:
-        _known(value, path, where)
-    if len({value for _, value in declared}) > 1:
-        raise TableError(
-            "strain-measure-conflict",
-            f"The strain measure is declared twice and differently. {_WHY_MEASURE}",
-            remedy="Find out which is right, and correct the other.",
-            file=path,
-            got="; ".join(f"{where} says {value}" for where, value in declared),
-        )
-    return declared[0][1]
-
-
-def _known(measure: str, path: Path, where: str) -> None:
-    if measure not in MEASURES:
-        raise TableError(
-            "strain-measure-unknown",
-            f"There is no such strain measure (from {where}).",
-            remedy="Use one of the expected names.",
-            file=path,
-            got=short(measure),
-            expected=", ".join(MEASURES),
         )
 
 
@@ -424,5 +312,5 @@ def read_points(path: Path) -> tuple[FloatArray, str | None]:
     if "strain_measure" in frame.columns:
         measure = settle_measure(frame, sidecar, None, False, path)
     if measure is not None:
-        _known(str(measure), path, "the sidecar")
+        check_measure(str(measure), path, "the sidecar")
     return np.column_stack([numbers[name] for name in wanted]), measure
