@@ -289,8 +289,8 @@ TRAVEL_RATIO = 1.10
 """Ratio of the head's travel to the shortest (proved from below): the requirement."""
 
 WEAR_T6_MM = 0.02
-"""mm: corners of 15 mm cells at 30 % strain, nine-node quads (10 nodes a facet edge) against
-graded six-node triangles twice as fine as their default; found .01, the quads' own error."""
+"""mm: corners of 15 mm cells at 30 % strain, nine-node quads (16 divisions a facet edge) against
+graded six-node triangles twice as fine as their default: the errors of both, .01 each."""
 
 WEAR_CYLINDER_MM = 1e-3
 """mm: a chord of a nine-node element (1.5 mm) on a radius of 30 mm is short by 1e-4 of itself;
@@ -302,9 +302,9 @@ WEAR_ELEMENTS_MM = 0.005
 WEAR_STICK_ENERGY = 1e-5
 """Fraction: nine-node quads of 1.5 mm follow a sphere of 50 mm to fourth order."""
 
-WEAR_TIP_STRETCH = 5e-4
-"""Fraction: quarter-point elements take a quadratic field at their nodes only; in between they
-err by .002 / mm times half a millimetre squared."""
+WEAR_TIP_STRETCH = 3e-4
+"""Fraction: quarter-point elements take a quadratic field at their nodes only; in between its
+slope, .001 / mm, errs by a part of what it changes over half a millimetre."""
 
 # --- calibration ---
 
@@ -319,3 +319,22 @@ errors (.028) below 95 %."""
 CURVE_COVERAGE_CORRELATED = 0.85
 """Fraction: the same under errors with a correlation length of a tenth of the range, whose length
 is estimated from 50 rows: a study of 300 draws found .91 to .92; two sampling errors below."""
+
+# --- tensile ---
+
+TENSILE_SUBSET_PX = 0.01
+"""px: the bias of cubic B-splines on a pattern of a few pixels, rounded up."""
+
+TENSILE_STRAIN = 0.002
+"""Strain: the requirement on rendered and real frames, for every cell."""
+
+TENSILE_NU = 0.01
+"""Poisson's ratio: the requirement, for the mean over the cells of a frame."""
+
+TENSILE_SLITS_NU = 0.015
+"""Poisson's ratio of one cell by its open slits: the middle of a hole is that of its cut only
+where the cells around it are alike."""
+
+WEAR_SENSITIVITY = 1e-6
+"""Fraction of the largest: the derivatives are exact for the discrete model; differences of
+fourth order with steps of 1e-4 of solutions to 1e-10 err by 1e-7."""

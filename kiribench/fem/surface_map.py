@@ -115,8 +115,8 @@ class Cylinder:
 
     @property
     def outward(self) -> float:
-        """-1: X_u x X_v points to the axis."""
-        return -1.0
+        """+1: X_u x X_v points away from the axis."""
+        return 1.0
 
     def at(self, q: FloatArray) -> SurfaceJet:
         """The map at points q (n, 2) mm; u = 0 is the generator x = 0, z = radius."""

@@ -106,34 +106,25 @@ def tip_state(mesh: PatchMesh, jet: SurfaceJet, mu_mpa: float) -> tuple[FloatArr
     the order of ``CutMap.half_cuts``, the mean of the two facets beside the ligament."""
     cuts = mesh.cut_map.half_cuts()
     rows, columns = mesh.shape
-    total = np.zeros((2, len(cuts)))
-    count = np.zeros(len(cuts))
-    key = {
-        (int(p), int(q), int(d)): k
-        for k, ((p, q), d) in enumerate(zip(cuts.site, cuts.direction.sum(axis=1), strict=True))
+    index = {
+        (int(p), int(q), int(sense)): k
+        for k, ((p, q), sense) in enumerate(zip(cuts.site, cuts.direction.sum(axis=1), strict=True))
     }
-    size = mesh.cut_map.cell_mm / 2
-    where: list[tuple[int, int, int]] = []
-    for facet in range(rows * columns):
+    facets, edges = np.nonzero(mesh.half_cuts > 0)
+    if not len(facets):
+        return np.empty(0), np.empty(0)
+    which = np.empty(len(facets), dtype=np.int64)
+    for at, (facet, edge) in enumerate(zip(facets.tolist(), edges.tolist(), strict=True)):
         i, j = divmod(facet, columns)
-        turned = bool(mesh.mirrored[facet])
-        for edge in range(4):
-            cut = mesh.half_cuts[facet, edge]
-            if cut <= 0:
-                continue
-            site, sense = _start_of(edge, turned)
-            where.append((facet, edge, key[j + site[0], i + site[1], sense]))
-    facets, edges, index = (
-        (np.array(part, dtype=np.int64) for part in zip(*where, strict=True))
-        if where
-        else (np.empty(0, np.int64),) * 3
+        (p, q), sense = _start_of(edge, bool(mesh.mirrored[facet]))
+        which[at] = index[j + p, i + q, sense]
+    large, small = _ahead(mesh, jet.x, facets, edges)
+    stress = mu_mpa * (large**2 - 1 / (large * small) ** 2)
+    facets_at = np.bincount(which, minlength=len(cuts))
+    return (
+        np.bincount(which, large, minlength=len(cuts)) / facets_at,
+        np.bincount(which, stress, minlength=len(cuts)) / facets_at,
     )
-    stretch = _ahead(mesh, jet.x, facets, edges, size)
-    stress = mu_mpa * (stretch[0] ** 2 - 1 / (stretch[0] * stretch[1]) ** 2)
-    np.add.at(total[0], index, stretch[0])
-    np.add.at(total[1], index, stress)
-    np.add.at(count, index, 1)
-    return total[0] / np.maximum(count, 1), total[1] / np.maximum(count, 1)
 
 
 def _start_of(edge: int, mirrored: bool) -> tuple[tuple[int, int], int]:
@@ -144,14 +135,12 @@ def _start_of(edge: int, mirrored: bool) -> tuple[tuple[int, int], int]:
     return (((1, 0), (1, 1), (0, 1), (0, 0))[physical], (-1, -1, 1, 1)[physical])
 
 
-def _ahead(
-    mesh: PatchMesh, x: FloatArray, facets: IntArray, edges: IntArray, size: float
-) -> FloatArray:
+def _ahead(mesh: PatchMesh, x: FloatArray, facets: IntArray, edges: IntArray) -> FloatArray:
     """(2, k) principal stretches on the ligaments of edges of facets, ahead of their tips."""
     template = mesh.template
     order, before = template.order, template.cut_nodes
     elements_after = (template.intervals - before) // order
-    ligament = (1 - mesh.half_cuts[facets, edges]) * size
+    ligament = (1 - mesh.half_cuts[facets, edges]) * mesh.cut_map.cell_mm / 2
     distance = np.minimum(TIP_DISTANCE_MM, 0.5 * ligament)
     span = ligament / elements_after
     hop = np.minimum((distance / span).astype(np.int64), elements_after - 1)
