@@ -42,6 +42,8 @@ FloatArray = NDArray[np.float64]
 SHORTEST = 0.02
 #: Starts are moved inwards by this share of the range, where the barrier is finite.
 MARGIN = 0.02
+#: A trust region below this changes no cut by what a laser can cut.
+SHORTEST_STEP = 0.002
 
 
 @dataclass(frozen=True)
@@ -49,32 +51,32 @@ class WornOptions:
     """How the worn design works.
 
     Attributes:
-        elements: elements a facet edge of each step; the last number serves all further steps.
-        steps: at most so many accepted steps.
+        levels: meshes from coarse to fine: elements a facet edge, and at most so many steps.
         trust: largest change of a cut in one step, fraction of the cell edge.
         barrier_mm2, smoothness_mm2: weights, see the module's docstring.
-        converged_mm: stop where the rms distance of the corners falls by less in a step.
+        converged_mm: a level ends where the rms distance of the corners falls by less in a step.
     """
 
-    elements: tuple[int, ...] = (6, 6, 10, 10, 10)
-    steps: int = 5
-    trust: float = 0.15
-    barrier_mm2: float = 2e-4
+    levels: tuple[tuple[int, int], ...] = ((6, 8), (10, 3))
+    trust: float = 0.3
+    barrier_mm2: float = 1e-3
     smoothness_mm2: float = 2e-3
-    converged_mm: float = 0.003
+    converged_mm: float = 0.01
 
     def __post_init__(self) -> None:
-        if not self.elements or min(self.elements) < 3 or self.steps < 1 or not self.trust > 0:
+        fine = all(elements >= 3 and steps >= 1 for elements, steps in self.levels)
+        if not self.levels or not fine or not self.trust > 0:
             raise UsageError(
                 "worn-options",
                 "The worn design needs at least one step, a trust region and 3 elements a facet.",
                 remedy="Give larger numbers.",
-                got=f"{self.steps} steps, trust {self.trust:g}, elements {self.elements}",
+                got=f"trust {self.trust:g}, levels {self.levels}",
             )
 
-    def elements_of(self, step: int) -> int:
-        """Elements a facet edge of step ``step``, counted from 0."""
-        return self.elements[min(step, len(self.elements) - 1)]
+    @property
+    def steps(self) -> int:
+        """The most steps that there can be."""
+        return sum(steps for _, steps in self.levels)
 
 
 class WornModel(Protocol):
@@ -225,50 +227,45 @@ def design_worn(
             time.process_time() - began,
         )  # fmt: skip
 
-    elements = options.elements_of(0)
-    found = _tried(model, map_of(p), elements)
-    if found is None:
-        raise NotConvergedError(
-            "worn-start",
-            "The patch that the design starts from has no equilibrium on this skin.",
-            remedy="Start from another method, such as 'uniform'.",
-        )
-    history = [state(p, found.worn, elements, 0.0)]
-    trust, reason = options.trust, "all steps were taken"
-    for count in range(options.steps):
-        if progress is not None:
-            progress(count, options.steps)
-        wanted = options.elements_of(count)
-        if wanted != elements:
-            # Another mesh has another misfit: steps are compared on one mesh only.
-            elements = wanted
-            again = _tried(model, map_of(p), elements)
-            if again is None:
-                reason = f"no equilibrium at {elements} elements a facet"
+    history: list[Iteration] = []
+    reason, done = "all steps were taken", 0
+    for elements, steps in options.levels:
+        # Another mesh has another misfit: steps are compared on one mesh only.
+        found = _tried(model, map_of(p), elements)
+        if found is None and not history:
+            raise NotConvergedError(
+                "worn-start",
+                "The patch that the design starts from has no equilibrium on this skin.",
+                remedy="Start from another method, such as 'uniform'.",
+            )
+        if found is None:
+            reason = f"no equilibrium at {elements} elements a facet"
+            break
+        history.append(state(p, found.worn, elements, 0.0))
+        trust, reason = options.trust, "all steps were taken"
+        for _ in range(steps):
+            if progress is not None:
+                progress(done, options.steps)
+            before, taken, after = history[-1], None, None
+            while trust > SHORTEST_STEP:
+                step = model_step(p, found, model, regular, trust)
+                trial = p + step
+                after = _tried(model, map_of(trial), elements)
+                if after is not None:
+                    new = state(trial, after.worn, elements, float(np.abs(step).max()))
+                    if new.objective_mm2 < before.objective_mm2:
+                        taken = new
+                        break
+                trust /= 4
+            if taken is None or after is None:
+                reason = "no shorter step made it better"
                 break
-            found = again
-            history.append(state(p, found.worn, elements, 0.0))
-        before = history[-1]
-        taken = after = None
-        while trust > 1e-3:
-            step = model_step(p, found, model, regular, trust)
-            trial = p + step
-            after = _tried(model, map_of(trial), elements)
-            if after is not None:
-                new = state(trial, after.worn, elements, float(np.abs(step).max()))
-                if new.objective_mm2 < before.objective_mm2:
-                    taken = new
-                    break
-            trust /= 4
-        if taken is None or after is None:
-            reason = "no shorter step made it better"
-            break
-        p, found, trust = trial, after, min(2 * trust, options.trust)
-        history.append(taken)
-        last = options.elements_of(count + 1) == elements
-        if last and before.rms_mm - taken.rms_mm < options.converged_mm:
-            reason = f"the last step gained less than {options.converged_mm:g} mm"
-            break
+            p, found, trust = trial, after, min(2 * trust, options.trust)
+            history.append(taken)
+            done += 1
+            if before.rms_mm - taken.rms_mm < options.converged_mm:
+                reason = f"the last step gained less than {options.converged_mm:g} mm"
+                break
     if progress is not None:
         progress(options.steps, options.steps)
     near = 0.01 * (high - low)
@@ -434,7 +431,7 @@ def worn_table(start: PatchDesign, found: WornDesign, *, method: str = "worn") -
             "Worn": {
                 "Start": start.method,
                 "Steps": len([one for one in found.iterations if one.step > 0]),
-                "Elements": list(found.options.elements),
+                "Levels": [list(level) for level in found.options.levels],
                 "BarrierMm2": found.options.barrier_mm2,
                 "SmoothnessMm2": found.options.smoothness_mm2,
                 "Trust": found.options.trust,

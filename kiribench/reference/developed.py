@@ -97,7 +97,7 @@ def lay_flat(shapes: FloatArray, pitch_mm: float) -> FlatSkin:
         UsageError: ``flat-too-small``; fewer than 3 x 3 cells, or most cells unknown.
     """
     rows, columns = shapes.shape[:2]
-    known = np.isfinite(shapes).all(axis=(-1, -2))
+    known = np.asarray(np.isfinite(shapes).all(axis=(-1, -2)))
     if min(rows, columns) < 3 or known.mean() < 0.5:
         raise UsageError(
             "flat-too-small",

@@ -46,6 +46,25 @@ def strain_of(stretch: FloatArray, measure: str) -> FloatArray:
     return np.asarray(0.5 * (stretch * stretch - 1.0))
 
 
+def stretch_of(strain: FloatArray, measure: str) -> FloatArray:
+    """Stretch of a strain in a named measure: the inverse of :func:`strain_of`.
+
+    >>> stretch_of(np.array([0.25]), "engineering")
+    array([1.25])
+
+    Args:
+        strain: any shape; NaN where no stretch has it.
+        measure: as in :func:`strain_of`.
+    """
+    check_measure(measure)
+    with np.errstate(invalid="ignore"):
+        if measure == "engineering":
+            return np.asarray(np.where(strain > -1.0, 1.0 + strain, np.nan))
+        if measure == "log":
+            return np.asarray(np.exp(strain))
+        return np.asarray(np.sqrt(1.0 + 2.0 * strain))
+
+
 def strain_rate_of(stretch: FloatArray, measure: str) -> FloatArray:
     """Derivative of :func:`strain_of` with respect to the stretch, same shape."""
     check_measure(measure)

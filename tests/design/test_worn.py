@@ -24,7 +24,7 @@ from kiribench.lattice import CutMap
 from kiribench.schema.patch_design import PatchDesign
 
 FREE = WornOptions(
-    elements=(10,), steps=12, trust=0.3, barrier_mm2=1e-12, smoothness_mm2=0.0, converged_mm=1e-9
+    levels=((10, 12),), trust=0.3, barrier_mm2=1e-12, smoothness_mm2=0.0, converged_mm=1e-9
 )
 
 
@@ -60,7 +60,7 @@ def test_a_curved_problem_converges_quadratically() -> None:
 def test_steps_stay_in_the_trust_region_and_in_the_bounds() -> None:
     best = np.full(24, 0.99)  # beyond the longest cut allowed
     model = StandIn(best=best)
-    options = WornOptions(elements=(10,), steps=30, trust=0.05, barrier_mm2=1e-4)
+    options = WornOptions(levels=((10, 30),), trust=0.05, barrier_mm2=1e-4)
     found = design_worn(model, start(), Limits(), options)
     longest = Limits().longest(15.0)
     for before, after in pairwise(found.iterations):
@@ -78,9 +78,7 @@ def test_steps_stay_in_the_trust_region_and_in_the_bounds() -> None:
 def test_the_barrier_keeps_cuts_off_their_bounds() -> None:
     model = StandIn(best=np.full(24, 0.9))
     weak = design_worn(model, start(), options=FREE)
-    strong = design_worn(
-        model, start(), options=WornOptions(elements=(10,), steps=12, barrier_mm2=0.05)
-    )
+    strong = design_worn(model, start(), options=WornOptions(levels=((10, 12),), barrier_mm2=0.05))
     longest = Limits().longest(15.0)
     assert (longest - cuts_of(strong.cut_map)).min() > 5 * (longest - cuts_of(weak.cut_map)).min()
     assert strong.at_bounds < weak.at_bounds
@@ -88,7 +86,7 @@ def test_the_barrier_keeps_cuts_off_their_bounds() -> None:
 
 def test_directions_that_move_no_corner_stay_smooth() -> None:
     model = StandIn(rank=12)
-    smooth = WornOptions(elements=(10,), steps=12, trust=0.3, barrier_mm2=1e-9, smoothness_mm2=1e-5)
+    smooth = WornOptions(levels=((10, 12),), trust=0.3, barrier_mm2=1e-9, smoothness_mm2=1e-5)
     found = design_worn(model, start(), options=smooth)
     rms, _ = distances(found.iterations[-1].corner_q_mm, model)
     assert rms < 0.02
@@ -127,7 +125,7 @@ def test_a_start_without_equilibrium_is_refused() -> None:
 def test_meshes_follow_the_schedule_and_are_never_compared() -> None:
     model = StandIn(mesh_mm=3.0)
     options = WornOptions(
-        elements=(6, 6, 10), steps=4, trust=0.3, barrier_mm2=1e-12, smoothness_mm2=0.0,
+        levels=((6, 2), (10, 2)), trust=0.3, barrier_mm2=1e-12, smoothness_mm2=0.0,
         converged_mm=0.0,
     )  # fmt: skip
     found = design_worn(model, start(), options=options)
