@@ -14,7 +14,8 @@ IntArray = NDArray[np.int64]
 Objective = Callable[[FloatArray, IntArray], Jet]
 
 ITERATIONS = 60
-CONVERGED = 1e-12  # projected slope; the functions are of order 1
+CONVERGED = 1e-11  # projected slope; the functions are of order 1
+SMALL_STEP = 1e-9  # of the cell edge; Newton's next one would be its square
 LONGEST_STEP = 0.05
 
 
@@ -56,8 +57,7 @@ def minimise_in_box(objective: Objective, start: FloatArray, high: float) -> Flo
         taken = live[better]
         x[taken], value[taken] = trial[better], new.value[better]
         slope[taken], curvature[taken] = new.slope[better], new.curvature[better]
-        # A step of rounding size that gains nothing is the end.
-        live = live[better | (radius[live] > 1e-10)]
+        live = live[np.where(better, length, radius[live]) > SMALL_STEP]
     return x
 
 

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from kiribench.design.box_newton import minimise_in_box
+from kiribench.design.box_newton import SMALL_STEP, minimise_in_box
 from kiribench.design.reachable import Reachable, axis, reachable, starts_of
 from kiribench.design.response import Jet, Response
 
@@ -23,10 +23,11 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 SECTORS = 12
+BLOCK = 500  # cells at a time
 ITERATIONS = 40
 LONGEST_STEP = 0.05
 ON_CURVE = 1e-10  # of Poisson's ratio
-WORSE = 0.06  # of the cell edge: a start that much farther out than the best cannot win
+WORSE = 0.03  # of the cell edge: a start that much farther out than the best cannot win
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,9 +54,31 @@ def least_cuts(response: Response, target: FloatArray, high: float, tolerance: f
         high: longest cut, fraction of the cell edge.
         tolerance: of the response.
     """
+    blocks = [
+        _least_cuts(
+            response, np.arange(start, min(start + BLOCK, response.count)), target, high, tolerance
+        )
+        for start in range(0, response.count, BLOCK)
+    ]
+    return Exact(
+        np.concatenate([cuts for cuts, _ in blocks]),
+        Reachable(
+            *(
+                np.concatenate([getattr(span, name) for _, span in blocks])
+                for name in ("low", "high", "at_low", "at_high")
+            )
+        ),
+    )
+
+
+def _least_cuts(
+    response: Response, some: IntArray, targets: FloatArray, high: float, tolerance: float
+) -> tuple[FloatArray, Reachable]:
+    """The same for some of the cells, so that the grids of many stay small."""
     ticks = axis(high)
-    grid = response.on_grid(ticks, ticks)
-    span = reachable(response, high, grid)
+    target = targets[some]
+    grid = response.on_grid(ticks, ticks, some)
+    span = reachable(response, high, grid, some)
     cuts = np.where((target > span.high)[:, None], span.at_high, span.at_low)
     # Within the range, or out of it by less than the tolerance: there is something to choose.
     open_ = span.distance(target) < tolerance
@@ -66,9 +89,9 @@ def least_cuts(response: Response, target: FloatArray, high: float, tolerance: f
     # The nearest reachable point itself is always admissible.
     extreme = np.concatenate([span.at_low[cells], span.at_high[cells]])
     twice = np.tile(cells, 2)
-    at_extreme = response.jet(extreme, twice).value
+    at_extreme = response.jet(extreme, some[twice]).value
     near = np.abs(at_extreme - target[twice]) <= tolerance
-    ends, gap = shortest_on_level(response, points, cells[which], level, high)
+    ends, gap = shortest_on_level(response, points, some[cells[which]], level, high)
     good = gap <= ON_CURVE
     every = np.concatenate([ends[good], extreme[near]])
     cell = np.concatenate([cells[which[good]], twice[near]])
@@ -76,7 +99,7 @@ def least_cuts(response: Response, target: FloatArray, high: float, tolerance: f
     order = np.lexsort((size, cell))
     first = order[np.concatenate(([True], np.diff(cell[order]) > 0))] if len(order) else order
     cuts[cell[first]] = every[first]
-    return Exact(cuts, span)
+    return cuts, span
 
 
 def _crossings(
@@ -142,9 +165,8 @@ def shortest_on_level(
         step = _step(x[live], miss, at, high)
         new = np.clip(x[live] + step, 0.0, high)
         moved = np.abs(new - x[live]).max(axis=1, initial=0.0)
-        # One last step after arrival: Newton's method is then at rounding.
         x[live] = new
-        live = live[moved > 1e-13]
+        live = live[moved > SMALL_STEP]  # Newton's next step would be its square
         if not len(live):
             break
     return x, np.abs(response.jet(x, cells).value - level)

@@ -17,7 +17,11 @@ GRID_STEP = 0.02
 """Of the coarse grid, fraction of the cell edge: the paper's table has steps of 0.05."""
 
 STARTS = 4
-"""Local extremes of the grid that Newton's method starts from, a cell."""
+"""Local extremes of the grid that Newton's method starts from, a cell, at most."""
+
+BELOW_GRID = 0.02
+"""By how much an extreme may exceed the nearest grid point: half the curvature (up to some 100 for
+Poisson's ratio) times the square of half the grid's diagonal (.014)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,18 +52,25 @@ def axis(high: float) -> FloatArray:
     return np.linspace(0.0, high, 1 + int(np.ceil(high / GRID_STEP - 1e-9)))
 
 
-def reachable(response: Response, high: float, grid: FloatArray | None = None) -> Reachable:
+def reachable(
+    response: Response,
+    high: float,
+    grid: FloatArray | None = None,
+    cells: IntArray | None = None,
+) -> Reachable:
     """The global extremes: from the best local ones of a coarse grid, by Newton's method.
 
     Args:
         response: of n cells.
         high: longest cut, fraction.
         grid: (n, A, A) the response on :func:`axis`, if it is there already.
+        cells: (n,) which cells; all by default.
     """
     ticks = axis(high)
-    values = response.on_grid(ticks, ticks) if grid is None else grid
-    low, at_low = _least(response, values, ticks, 1.0)
-    high_, at_high = _least(response, -values, ticks, -1.0)
+    which = np.arange(response.count) if cells is None else cells
+    values = response.on_grid(ticks, ticks, which) if grid is None else grid
+    low, at_low = _least(response, which, values, ticks, 1.0)
+    high_, at_high = _least(response, which, -values, ticks, -1.0)
     return Reachable(low, -high_, at_low, at_high)
 
 
@@ -75,29 +86,36 @@ def local_minima(values: FloatArray) -> NDArray[np.bool_]:
     return lowest
 
 
-def starts_of(values: FloatArray, ticks: FloatArray, count: int) -> tuple[FloatArray, IntArray]:
-    """The ``count`` lowest local minima of each cell's grid: (k, 2) points, (k,) cells."""
+def starts_of(
+    values: FloatArray, ticks: FloatArray, count: int, within: float = np.inf
+) -> tuple[FloatArray, IntArray]:
+    """The ``count`` lowest local minima of each cell's grid: (k, 2) points, (k,) cells.
+
+    Only those that are ``within`` so much of the lowest.
+    """
     n, _rows, columns = values.shape
     ranked = np.where(local_minima(values), values, np.inf).reshape(n, -1)
     count = min(count, ranked.shape[1])
     best = np.argpartition(ranked, count - 1, axis=1)[:, :count]
-    cell, place = np.nonzero(np.isfinite(np.take_along_axis(ranked, best, axis=1)))
+    found = np.take_along_axis(ranked, best, axis=1)
+    low = found <= found.min(axis=1, keepdims=True) + within
+    cell, place = np.nonzero(np.isfinite(found) & low)
     flat = best[cell, place]
     return np.column_stack([ticks[flat // columns], ticks[flat % columns]]), cell
 
 
 def _least(
-    response: Response, values: FloatArray, ticks: FloatArray, sign: float
+    response: Response, cells: IntArray, values: FloatArray, ticks: FloatArray, sign: float
 ) -> tuple[FloatArray, FloatArray]:
     """Minima of ``sign * response``: (n,) values and (n, 2) points."""
-    points, cell = starts_of(values, ticks, STARTS)
+    points, cell = starts_of(values, ticks, STARTS, within=BELOW_GRID)
 
     def objective(x: FloatArray, which: IntArray) -> Jet:
-        at = response.jet(x, cell[which])
+        at = response.jet(x, cells[cell[which]])
         return Jet(sign * at.value, sign * at.slope, sign * at.curvature)
 
     points = minimise_in_box(objective, points, float(ticks[-1]))
-    value = sign * response.jet(points, cell).value
+    value = sign * response.jet(points, cells[cell]).value
     order = np.lexsort((value, cell))
     first = order[np.concatenate(([True], np.diff(cell[order]) > 0))]
     return value[first], points[first]

@@ -1,9 +1,9 @@
 """A surrogate at fixed strains: smooth functions of (a, b), one a cell, with two derivatives.
 
 At one strain the posterior mean of a Gaussian process with a product kernel is a short sum over
-the table's designs, ``m(a, b) = mean + sum_ij W_ij k_a(a, a_i) k_b(b, b_j)``: the strain enters W
-alone, which is computed once a cell. So a value with all derivatives costs two products of 21 x 21
-numbers for the paper's table, whatever the number of load steps.
+the table's designs, ``m(a, b) = mean + sum_p W_p k((a, b), (a_p, b_p))``: the strain enters W
+alone, which is computed once a cell. So a value with all derivatives costs 441 correlations for
+the paper's table, whatever the number of load steps.
 """
 
 from __future__ import annotations
@@ -15,18 +15,19 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from kiribench.design.factors import Factor
+from kiribench.design.coordinates import Coordinates, correlation, correlation_parts
 from kiribench.errors import UsageError
-from kiribench.surrogate import likelihood
+from kiribench.surrogate.closed_form import GridState
 from kiribench.surrogate.devices import torch_threads
-from kiribench.surrogate.exact_gp import ExactGP, GridState
+from kiribench.surrogate.exact_gp import ExactGP
 from kiribench.surrogate.keep import KeptModel
-from kiribench.surrogate.likelihood import TorchParameters
+from kiribench.surrogate.kernel_form import TorchParameters, strain_correlation
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-CHUNK = 20_000  # points at a time: 70 MB of weights for the paper's table
+CHUNK = 256  # points at a time: 0.9 MB an array for the paper's table, what a cache holds
+FARTHEST = 200.0  # exp(-200) = 1e-87; numbers so small that they are denormal cost a hundredfold
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,14 +67,18 @@ class KernelResponse:
     """The posterior mean of an exact Gaussian process at one strain a cell.
 
     Attributes:
-        weights: (n, P, Q) over a lattice of designs, or (n, p) over scattered ones.
+        weights: (n, p) of the table's p designs, a row a cell.
         mean: constant that is added.
-        factors: of a over P or p nodes, and of b over Q or p.
+        coordinates: of the kernel.
+        nodes: (p, C) the designs in these coordinates.
+        family: of the kernel.
     """
 
     weights: FloatArray
     mean: float
-    factors: tuple[Factor, Factor]
+    coordinates: Coordinates
+    nodes: FloatArray
+    family: str
 
     @classmethod
     def of(cls, kept: KeptModel, strain: FloatArray) -> KernelResponse:
@@ -92,17 +97,14 @@ class KernelResponse:
             )
         with torch_threads(1):
             designs, weights = _weights(estimator, strain)
-        learnt, form = estimator.hyperparameters_, estimator._kernel_form(3)
-        nodes = (designs[:, 0], designs[:, 1])
-        (a, at_a), (b, at_b) = (np.unique(node, return_inverse=True) for node in nodes)
-        if len(a) * len(b) <= 4 * len(designs):
-            lattice = np.zeros((len(weights), len(a), len(b)))
-            lattice[:, at_a, at_b] = weights
-            weights, nodes = lattice, (a, b)
+        learnt = estimator.hyperparameters_
+        coordinates = Coordinates.of(learnt)
         return cls(
             weights,
             learnt.target_mean,
-            (Factor.of(form, learnt, 0, nodes[0]), Factor.of(form, learnt, 1, nodes[1])),
+            coordinates,
+            coordinates.jet(designs)[0],
+            estimator._state.form.design_family,
         )
 
     @property
@@ -113,51 +115,100 @@ class KernelResponse:
     def on_grid(self, a: FloatArray, b: FloatArray, cells: IntArray | None = None) -> FloatArray:
         """(n, A, B) values on the product of two axes, for some cells or for all."""
         weights = self.weights if cells is None else self.weights[cells]
-        by_a, by_b = self.factors[0].values(a), self.factors[1].values(b)
-        if weights.ndim == 3:
-            return np.asarray(by_a @ (weights @ by_b.T) + self.mean)
-        return np.stack([(by_a * row) @ by_b.T for row in weights]) + self.mean
+        values = np.empty((len(weights), len(a), len(b)))
+        sides = self._along(0, a), self._along(1, b)
+        rows = max(1, CHUNK // len(b))
+        for start in range(0, len(a), rows):
+            # The correlations with the table's designs are the same in every cell.
+            part = slice(start, start + rows)
+            k = sides[0][part, None, :] * sides[1][None, :, :]
+            if len(self.coordinates.lengths) > 2:
+                k *= self._across(a[part], b)
+            values[:, part] = (weights @ k.reshape(-1, k.shape[2]).T).reshape(
+                len(weights), -1, len(b)
+            )
+        return values + self.mean
 
     def jet(self, points: FloatArray, cells: IntArray | None = None) -> Jet:
         """Value and derivatives at (k, 2) points, each of its own cell (k,) or of all in order."""
         which = np.arange(len(points)) if cells is None else cells
         parts = [
-            self._table(points[start : start + CHUNK], which[start : start + CHUNK])
+            self._jet(points[start : start + CHUNK], self.weights[which[start : start + CHUNK]])
             for start in range(0, max(len(points), 1), CHUNK)
         ]
-        d = np.concatenate(parts)
+        if len(parts) == 1:
+            return parts[0]
         return Jet(
-            value=d[:, 0, 0] + self.mean,
-            slope=np.stack([d[:, 1, 0], d[:, 0, 1]], axis=-1),
-            curvature=np.stack([d[:, 2, 0], d[:, 1, 1], d[:, 1, 1], d[:, 0, 2]], axis=-1).reshape(
-                -1, 2, 2
-            ),
+            np.concatenate([part.value for part in parts]),
+            np.concatenate([part.slope for part in parts]),
+            np.concatenate([part.curvature for part in parts]),
         )
 
-    def _table(self, points: FloatArray, cells: IntArray) -> FloatArray:
-        """(k, 3, 3) derivatives: entry (i, j) is the i-th by a and the j-th by b."""
-        by_a, by_b = self.factors[0].jet(points[:, 0]), self.factors[1].jet(points[:, 1])
-        weights = self.weights[cells]
-        if weights.ndim == 3:
-            return np.asarray(by_a @ weights @ by_b.transpose(0, 2, 1))
-        return np.asarray((by_a * weights[:, None, :]) @ by_b.transpose(0, 2, 1))
+    def _along(self, column: int, x: FloatArray) -> FloatArray:
+        """(k, p) correlations by one cut length alone."""
+        points = np.zeros((len(x), 2))
+        points[:, column] = x
+        at = self.coordinates.jet(self.coordinates.scaled(points))[0][:, column]
+        return self._correlation(np.subtract.outer(at, self.nodes[:, column]))
+
+    def _across(self, a: FloatArray, b: FloatArray) -> FloatArray:
+        """(A, B, p) correlations by the angle."""
+        points = np.stack(np.meshgrid(a, b, indexing="ij"), axis=-1).reshape(-1, 2)
+        at = self.coordinates.jet(self.coordinates.scaled(points))[0][:, 2]
+        k = self._correlation(np.subtract.outer(at, self.nodes[:, 2]))
+        return k.reshape(len(a), len(b), -1)
+
+    def _correlation(self, gap: FloatArray) -> FloatArray:
+        exponent, factor = correlation(self.family, gap)
+        return np.asarray(factor * np.exp(-np.minimum(exponent, FARTHEST)))
+
+    def _jet(self, points: FloatArray, weights: FloatArray) -> Jet:
+        at, first, second = self.coordinates.jet(self.coordinates.scaled(points))
+        count = at.shape[1]
+        terms = weights.copy()
+        exponent = np.zeros_like(weights)
+        by, twice = [], []
+        for c in range(count):
+            e, f, g, h = correlation_parts(
+                self.family, np.subtract.outer(at[:, c], self.nodes[:, c])
+            )
+            exponent += e
+            terms *= f
+            by.append(g)
+            twice.append(h)
+        np.minimum(exponent, FARTHEST, out=exponent)
+        terms *= np.exp(-exponent)
+        slope = np.empty((len(at), count))
+        curvature = np.empty((len(at), count, count))
+        for c in range(count):
+            pulled = terms * by[c]
+            slope[:, c] = pulled.sum(axis=1)
+            curvature[:, c, c] = np.vecdot(terms, twice[c])
+            for d in range(c):
+                curvature[:, c, d] = curvature[:, d, c] = np.vecdot(pulled, by[d])
+        return Jet(
+            value=terms.sum(axis=1) + self.mean,
+            slope=np.einsum("kc,kci->ki", slope, first),
+            curvature=np.swapaxes(first, 1, 2) @ curvature @ first
+            + np.einsum("kc,kcij->kij", slope, second),
+        )
 
 
 def _weights(estimator: ExactGP, strain: FloatArray) -> tuple[FloatArray, FloatArray]:
     """(p, 2) scaled designs, and (n, p) their weights in the mean at each strain."""
     learnt, state = estimator.hyperparameters_, estimator._state
-    form = estimator._kernel_form(3)
+    form = state.form
     at = torch.as_tensor((strain - learnt.input_low[2]) / learnt.input_span[2])[:, None]
     if isinstance(state, GridState):
         designs, strains = state.designs.cpu(), state.strains.cpu()
         parameters = TorchParameters.of(learnt.kernel_parameters(), designs)
         f, alpha = state.conditioned.factors, state.conditioned.alpha
         solved = (f.u @ alpha @ f.v.T).cpu()
-        weights = likelihood.strain_correlation(form, at, strains, parameters) @ solved.T
+        weights = strain_correlation(form, at, strains, parameters) @ solved.T
     else:
         inputs = state.inputs.cpu()
         parameters = TorchParameters.of(learnt.kernel_parameters(), inputs)
-        by_strain = likelihood.strain_correlation(form, at, inputs[:, 2:], parameters)
+        by_strain = strain_correlation(form, at, inputs[:, 2:], parameters)
         designs, of_row = torch.unique(inputs[:, :2], dim=0, return_inverse=True)
         weights = torch.zeros((len(at), len(designs)), dtype=at.dtype)
         weights.index_add_(1, of_row, by_strain * state.conditioned.alpha.cpu())

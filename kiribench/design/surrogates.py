@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from kiribench.design.problem import DesignProblem
 from kiribench.errors import UsageError
@@ -35,6 +36,16 @@ class Surrogates:
             TableError, DataError: the file is missing, damaged or no model.
         """
         return cls(load(path), path)
+
+    def as_dict(self) -> dict[str, Any]:
+        """For a sidecar."""
+        return {
+            "File": None if self.file is None else self.file.name,
+            "Model": self.poisson.name,
+            "StrainMeasure": self.measure,
+            "Strains": [float(self.poisson.low[2]), float(self.poisson.high[2])],
+            "Rows": self.poisson.summary["rows"],
+        }
 
     def check_measure(self, problem: DesignProblem) -> None:
         """Refuse targets in another strain measure.

@@ -35,6 +35,9 @@ QUANTITIES = {
     "reachable_low": "smallest Poisson's ratio of any allowed cuts at the target strain",
     "reachable_high": "largest Poisson's ratio of any allowed cuts at the target strain",
     "distance": "of the target Poisson's ratio to the reachable range; 0 inside of it",
+    "error": "predicted minus target Poisson's ratio",
+    "cutting_error": "standard deviation of Poisson's ratio by errors of cut lengths and kerf",
+    "nominal_stress_mpa": "pulling force at the target strain / undeformed section, MPa",
 }
 
 
