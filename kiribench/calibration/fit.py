@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import combinations
 from typing import Literal
 
 import numpy as np
@@ -229,21 +230,20 @@ def _one_more_term(
     weight: FloatArray,
     count: int,
 ) -> Ogden | OgdenSum:
-    """The best of several starts: a further exponent beside those found, all refined together."""
+    """The best of several starts on a grid of exponents, moduli and exponents then refined."""
     from scipy.optimize import least_squares, nnls
 
-    moduli, exponents = terms_of(law)
-    moduli, exponents = moduli[: count - 1], exponents[: count - 1]
+    moduli = terms_of(law)[0]
 
     def columns(alpha: FloatArray) -> FloatArray:
         return ogden_columns(stretch, alpha) * weight[:, None]
 
+    grid = np.arange(ALPHA_RANGE[0] + 0.5, ALPHA_RANGE[1], 1.0 if count == 2 else 2.5)
     starts = []
-    for extra in np.arange(ALPHA_RANGE[0] + 1, ALPHA_RANGE[1], 1.5):
-        for shift in (-1.0, 0.0, 0.5):
-            alpha = np.append(exponents + shift, extra)
-            mu, misfit = nnls(columns(alpha), target)
-            starts.append((misfit, mu, alpha))
+    for chosen in combinations(grid, count):
+        alpha = np.array(chosen)
+        mu, misfit = nnls(columns(alpha), target)
+        starts.append((misfit, mu, alpha))
     starts.sort(key=lambda one: one[0])
     size = float(max(moduli.sum(), 1e-12))
 
@@ -262,7 +262,7 @@ def _one_more_term(
     low = np.concatenate([np.zeros(count), np.full(count, ALPHA_RANGE[0])])
     high = np.concatenate([np.full(count, 1e6), np.full(count, ALPHA_RANGE[1])])
     trials = []
-    for _, mu, alpha in starts[:4]:
+    for _, mu, alpha in starts[:6]:
         begin = np.clip(np.concatenate([mu / size, alpha]), low + 1e-9, high - 1e-9)
         trials.append(
             least_squares(

@@ -28,7 +28,7 @@ FAILED = 0.9
 """A fall of the stress below this part of its peak is taken for the failure of the sample."""
 PLAUSIBLE_MPA = (1e-3, 1e3)
 """Young's moduli outside of this are no rubber: the unit is probably wrong."""
-_AGREE = 0.005
+_AGREE = 0.002
 _MOST_FAULTS = 20
 
 

@@ -35,7 +35,7 @@ class NumberTable:
 
 
 def _is_number(field: str) -> bool:
-    return bool(_POINT.fullmatch(field) or _COMMA.fullmatch(field))
+    return any(pattern.fullmatch(field) for pattern in (_POINT, _COMMA, _BOTH))
 
 
 def _numbers_in(fields: list[str]) -> int:
@@ -148,8 +148,7 @@ def _header_rows(parsed: list[list[str]], first: int) -> tuple[list[str], list[s
     if not above:
         return [], [], 0
     last = above[-1]
-    width = len(parsed[first])
-    row = (parsed[last] + [""] * width)[: max(width, len(parsed[last]))]
+    row = parsed[last]
     is_units = (
         len(above) > 1
         and sum(bool(field) for field in row) >= 2

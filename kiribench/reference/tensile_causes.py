@@ -161,8 +161,9 @@ def diagnose(
         observed: the difference and its errors.
         causes: with their effects on the same observations.
         seed: of the draws that calibrate the misfits for the estimated scatter.
-        again: where no family explains the difference with the first effects, the nearest one
-            gets its effects anew at the amounts found, for large amounts are not linear.
+        again: the family that comes nearest gets its effects anew at the amounts found, once
+            and, while it does not explain the difference, up to ``ROUNDS`` times: large amounts
+            are not linear.
     """
     scatter = scatter_of(observed.cells, observed.blocks, observed.floor_sd)
     covariance = observed.covariance(scatter)
@@ -176,8 +177,10 @@ def diagnose(
     noise = explain()
     single = [explain(name) for name in families]
     best = max(single, key=lambda one: one.log_evidence, default=noise)
-    for _ in range(ROUNDS):
-        if again is None or best.probability >= IMPLAUSIBLE or not best.families:
+    for turn in range(ROUNDS):
+        needless = best.log_evidence - noise.log_evidence < BEYOND_NOISE
+        done = turn > 0 and best.probability >= IMPLAUSIBLE
+        if again is None or not best.families or needless or done:
             break
         moved, anew = again(best)
         better = _explain(
