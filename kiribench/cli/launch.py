@@ -37,6 +37,7 @@ COMMANDS = {
     "predict": "Predict Poisson's ratio with a kept surrogate.",
     "export": "Write the files for the laser and read them again.",
     "tensile": "Measure strain and Poisson's ratio in the pictures of a tensile test.",
+    "design": "Design the cuts of a patch from strain targets.",
     "synth": "Make synthetic subjects with known truth.",
     "regress": "Check the synthetic subjects against truth and record.",
     "demo": "Score the three synthetic subjects and write the report.",

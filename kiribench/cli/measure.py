@@ -68,10 +68,13 @@ def measure(
         quiet=common.quiet,
     )
     if common.out is not None:
-        for field in fields:
+        for subject, field in zip(subjects, fields, strict=True):
             stem = f"sub-{field.participant}"
             write_table(
-                common.out / stem / f"{stem}_strain.tsv", strain_rows(field), strain_sidecar(field)
+                common.out / stem / f"{stem}_strain.tsv",
+                strain_rows(field),
+                # Where the patch lies on the grid: what kiribench design needs of the table.
+                strain_sidecar(field) | subject.layout.as_metadata() | {"Side": subject.side},
             )
     warnings: list[Fault] = [fault for field in fields for fault in field.warnings]
     result: dict[str, Any] = {

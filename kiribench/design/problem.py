@@ -39,6 +39,8 @@ class DesignProblem:
         reason: why the target is missing, as a code; empty where it is there.
         files: what was read, for the provenance.
         notes: facts that a reader needs, as sentences.
+        measured_strain: whether the source gave strains; False where it gave stretches alone,
+            which have no measure.
     """
 
     participant: str
@@ -54,6 +56,7 @@ class DesignProblem:
     reason: TextArray
     files: tuple[Path, ...] = ()
     notes: tuple[str, ...] = field(default=())
+    measured_strain: bool = True
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -187,6 +190,7 @@ def _of_table(table: TargetTable) -> DesignProblem:
         reason=table.reason[part],
         files=table.files,
         notes=table.notes,
+        measured_strain=table.has_strain,
     )
 
 

@@ -64,6 +64,7 @@ class TargetTable:
         region: labels, or None.
         layout: of the drawn grid whose cells the rows are; None where they are the patch's.
         notes: what was assumed.
+        has_strain: whether the table gave strains and not stretches alone.
     """
 
     participant: str
@@ -80,6 +81,7 @@ class TargetTable:
     layout: Layout | None
     files: tuple[Path, ...]
     notes: tuple[str, ...]
+    has_strain: bool
 
 
 def read_targets(
@@ -129,10 +131,12 @@ def read_targets(
     words = {name: _words(frame, name, shape, at) for name in ("reason", "poisson_reason")}
     reason = np.where(words["reason"] != "", words["reason"], words["poisson_reason"])
     reason = np.where(reason != "", reason, "target-missing")
-    cell, notes = _cell_edge(sidecar, cell_mm, path)
     layout = _layout(sidecar, frame, shape, path)
-    if layout is not None and layout.patch.cell_mm != cell and "CellMm" not in sidecar:
-        cell, notes = layout.patch.cell_mm, []
+    notes: list[str] = []
+    if layout is not None and "CellMm" not in sidecar:
+        cell = layout.patch.cell_mm
+    else:
+        cell, notes = _cell_edge(sidecar, cell_mm, path)
     if not given.all():
         notes.append(f"{int((~given).sum())} cells have no row: they are filled from neighbours.")
     if layout is not None and not {"Grid", "Patch"} & set(sidecar):
@@ -160,6 +164,7 @@ def read_targets(
         layout=layout,
         files=(path, beside) if beside.is_file() and beside != path else (path,),
         notes=tuple(notes),
+        has_strain=strains,
     )
 
 

@@ -287,6 +287,17 @@ class Layout:
             ),
         )
 
+    def as_metadata(self) -> dict[str, Any]:
+        """The layout as the keys of a JSON file, offsets and regions written out."""
+        row, column = self.patch_offset
+        patch = self.patch.model_copy(update={"row_offset": row, "column_offset": column})
+        return {
+            "BodyPart": self.body_part,
+            "Grid": self.grid.model_dump(by_alias=True),
+            "Patch": patch.model_dump(by_alias=True),
+            "Regions": [list(row) for row in self.regions.labels],
+        }
+
     def node_shape(self, acquisition: str) -> tuple[int, int]:
         """(node rows, node columns) of an acquisition: the grid's, or the patch's if worn."""
         if acquisition in PATCH_ACQUISITIONS:
