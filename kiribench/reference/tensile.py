@@ -259,7 +259,7 @@ def _curves(measured: Measured, best: Predicted, rough: Predicted, measure: str)
         simulated,
         quantile * np.sqrt(np.diag(covariance)),
         -strain_of(np.exp(coarse), measure) / along - simulated,
-        distance_of(-across / along - simulated, covariance, along),
+        distance_of(-across / along - simulated, covariance, along, scatter.freedom),
     )
 
 

@@ -97,12 +97,16 @@ class Distance:
     high: float
 
 
-def distance_of(difference: FloatArray, covariance: FloatArray, strain: FloatArray) -> Distance:
+def distance_of(
+    difference: FloatArray, covariance: FloatArray, strain: FloatArray, freedom: int
+) -> Distance:
     """Root mean square of a difference (m,) over strain (m,), growing, given its covariance.
 
     The square is a quadratic form of a normal vector: mean d'Ad + tr(AS), variance
-    2 tr(ASAS) + 4 d'ASAd.
+    2 tr(ASAS) + 4 d'ASAd. The interval takes the t quantile of the covariance's ``freedom``.
     """
+    from scipy.stats import t as student
+
     weight = np.gradient(strain) if len(strain) > 1 else np.ones(1)
     weight = np.maximum(weight, 0) + 1e-12
     weight = weight / weight.sum()
@@ -115,7 +119,7 @@ def distance_of(difference: FloatArray, covariance: FloatArray, strain: FloatArr
     variance = 2 * float(np.trace(scaled @ scaled)) + 4 * true_part * float(
         pulled @ covariance @ pulled
     )
-    reach = 1.959963984540054 * np.sqrt(variance)
+    reach = float(student.ppf(0.975, freedom)) * np.sqrt(variance)
 
     def root(value: float) -> float:
         return float(np.sqrt(max(value, 0.0)))

@@ -136,7 +136,8 @@ BAD = {
     "curve-too-short": ([ENGINEERING], [STRAIN[:6], STRESS[:6]]),
     "curve-compressive": ([ENGINEERING], [-STRAIN, -STRESS]),
     "curve-not-monotonic": (
-        [ENGINEERING], [np.concatenate([STRAIN, STRAIN[::-1]]), np.concatenate([STRESS, 0.98 * STRESS[::-1]])],
+        [ENGINEERING],
+        [np.concatenate([STRAIN, STRAIN[::-1]]), np.concatenate([STRESS, 0.98 * STRESS[::-1]])],
     ),
     "curve-value": ([ENGINEERING], [np.where(STRAIN == 0.5, np.nan, STRAIN), STRESS]),
     "curve-sample-conflict": (
