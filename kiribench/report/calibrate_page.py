@@ -83,7 +83,6 @@ def _parameters(found: Study) -> Html:
                     f"{spread:.2g}" if spread == spread else "-",
                     f"{fit.rms_mpa:.4f}" if first else "",
                     f"{left.bridged_mpa:.4f} / {left.beyond_mpa:.4f}" if first else "",
-                    stability_words(fit) if first else "",
                 )
             )
     vanished = [
@@ -97,11 +96,11 @@ def _parameters(found: Study) -> Html:
         table(
             (
                 "Law", "Parameter", "Value", "95 % interval", "sd, noise", "sd, misfit",
-                "sd, parts left out", "rms, MPa", "rms of parts not seen (inner / last), MPa",
-                "Drucker",
+                "sd, parts left out", "rms", "rms of left-out parts (inner / last)",
             ),
             rows,
-            caption="Least squares; the interval takes residuals of neighbouring rows as related",
+            caption="Least squares; the interval takes residuals of neighbouring rows as related; "
+            "rms in MPa",
             numeric=(2, 3, 4, 5, 6, 7),
         ),
         bullets(
@@ -109,6 +108,7 @@ def _parameters(found: Study) -> Html:
                 "Noise: what the readings scatter by. Misfit: what hangs together along the "
                 "curve, above all what the law cannot follow; it wanders no more slowly than 0.3 "
                 "of the range, for slower errors cannot be told from the parameters.",
+                *(f"{fit.name}, Drucker: {stability_words(fit)}." for fit in found.fits),
                 *vanished,
             ]
         ),
