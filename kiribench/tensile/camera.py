@@ -215,7 +215,8 @@ def make_view(
             f"scale changes by {100 * tilt:.2f} % across the block"
         )
     elif four:
-        seen = _scale_change(np.linalg.inv(block.to_px), None, corners)
+        inverse = np.asarray(np.linalg.inv(block.to_px), dtype=np.float64)
+        seen = _scale_change(inverse, None, corners)
         record["ScaleChangeAcrossBlock"] = None
         record["ScaleChangeByCorners"] = seen
         if seen > TILT_WORTH_A_WORD:
@@ -263,7 +264,7 @@ def _scale_at(matrix: FloatArray, point: FloatArray) -> float:
 
 def _scale_change(matrix: FloatArray, lens: Lens | None, corners: FloatArray) -> float:
     """Largest over smallest scale at the block's corners, less 1."""
-    flat = undistort(lens, corners)
+    flat = np.asarray(undistort(lens, corners), dtype=np.float64)
     scales = [_scale_at(matrix, point[None]) for point in flat]
     return float(max(scales) / min(scales) - 1)
 

@@ -206,7 +206,7 @@ class SpeckleCells:
         total, variance = np.zeros((*shape, 2)), np.zeros(shape)
         count = np.zeros(shape, dtype=np.int64)
         status = np.full(shape, "ok", dtype="<U16")
-        known = np.isfinite(now).all(axis=1)
+        known = np.asarray(np.isfinite(now).all(axis=1))
         per = SUBSETS * SUBSETS
         for element in range(len(e)):
             i, j = (int(value) for value in e.place[element])

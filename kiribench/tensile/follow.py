@@ -111,13 +111,15 @@ class Follower:
         pyramid: list[Float32Array] = [picture]
         guess = 2 * self._warp - self._before
         self._try(pyramid, found, np.flatnonzero(recent), guess[recent], 0)
-        if self._frame > 1:
-            self._try_rest(pyramid, found, recent, self._warp, 0)
+        if self._share(found, usable) < 0.999:
+            self._flow(pyramid, found, recent)
+            if self._frame > 1:
+                self._try_rest(pyramid, found, recent, self._warp, 0)
         if self._share(found, usable) < 0.999:
             pyramid = _pyramid(picture, self._levels)
-            for start in (guess, self._warp):
-                self._try_rest(pyramid, found, recent, start, self._levels - 1)
-            self._flow(pyramid, found, recent)
+            if self._levels > 1:
+                for start in (guess, self._warp):
+                    self._try_rest(pyramid, found, recent, start, self._levels - 1)
             self._spread(pyramid, found, usable)
         rest = np.flatnonzero(usable & ~found.good)
         if len(rest) > 0.02 * m:
@@ -161,7 +163,7 @@ class Follower:
             cv2.convertScaleAbs(self._last),
             cv2.convertScaleAbs(pyramid[0]),
             here.reshape(-1, 1, 2),
-            None,
+            here.reshape(-1, 1, 2).copy(),
             winSize=(31, 31),
             maxLevel=5,
         )

@@ -182,11 +182,12 @@ class MarkerFollower:
 
     def _start_templates(self, first: Float32Array, corners: FloatArray) -> None:
         half = 0.22 * self.pitch_px
-        steps = np.linspace(-half, half, int(np.clip(2 * half + 1, 9, 41)))
-        xi = np.stack(np.meshgrid(steps, steps), -1).reshape(-1, 2)
-        self._centre = np.round(np.where(np.isfinite(self.first_px), self.first_px, corners))
+        steps = np.linspace(-half, half, min(41, max(9, int(2 * half + 1))))
+        xi = np.asarray(np.stack(np.meshgrid(steps, steps), -1).reshape(-1, 2), dtype=np.float64)
+        middle = np.where(np.isfinite(self.first_px), self.first_px, corners)
+        self._centre: FloatArray = np.asarray(np.round(middle), dtype=np.float64)
         zero = np.zeros((len(corners), 6))
-        every = np.repeat(xi[None], len(corners), axis=0).astype(np.float64)
+        every: FloatArray = np.tile(xi, (len(corners), 1, 1))
         self._templates = make_templates(first, self._centre, every, zero)
         self._warp = zero
         self.first_px = self._centre.copy()

@@ -13,8 +13,8 @@ from kiribench.tensile.result import MEASURED, TensileTest
 FloatArray = npt.NDArray[np.float64]
 UInt8Array = npt.NDArray[np.uint8]
 
-FOLLOWED = (198, 120, 20)
-LOST = (30, 60, 220)
+FOLLOWED = (255, 150, 0)
+LOST = (40, 60, 255)
 LONGEST_PX = 900
 """Blue and red as OpenCV orders them; lost cells are also crossed out."""
 
@@ -38,7 +38,7 @@ def overlay(picture: npt.NDArray[np.float32], test: TensileTest, frame: int) -> 
     grey = cv2.convertScaleAbs(picture)
     size = (round(picture.shape[1] * scale), round(picture.shape[0] * scale))
     drawn = cv2.cvtColor(cv2.resize(grey, size, interpolation=cv2.INTER_AREA), cv2.COLOR_GRAY2BGR)
-    width = max(1, round(min(drawn.shape[:2]) / 250))
+    width = max(2, round(min(drawn.shape[:2]) / 200))
 
     def at(point: FloatArray) -> tuple[int, int]:
         x, y = (point + 0.5) * scale - 0.5

@@ -114,12 +114,12 @@ def _keypoints(
     if scale != 1.0 or stretch != 1.0:
         levels = cv2.warpAffine(levels, matrix, (int(size[0]), int(size[1])), flags=cv2.INTER_AREA)
     sift = cv2.SIFT.create(nfeatures=12000, contrastThreshold=0.02, sigma=1.2)
-    points, descriptors = sift.detectAndCompute(levels, None)
-    if descriptors is None:
+    points, features = sift.detectAndCompute(levels, None)
+    if not points:
         return np.zeros((0, 2)), np.zeros((0, 128), dtype=np.float32)
     place = np.array([point.pt for point in points]).reshape(-1, 2)
     full = (place - matrix[:, 2]) @ np.linalg.inv(shrink).T
-    return full, np.asarray(descriptors, dtype=np.float32)
+    return full, np.asarray(features, dtype=np.float32)
 
 
 def _owner(points: FloatArray, elements: Elements) -> IntArray:

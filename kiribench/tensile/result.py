@@ -93,7 +93,8 @@ class TensileTest:
         """(n, k) Poisson's ratio of the cells; NaN where |longitudinal strain| < min_strain."""
         along, across = self.strain(measure), self.lateral_strain(measure)
         ratio = np.full(along.shape, np.nan)
-        usable = self.measured & (np.abs(np.nan_to_num(along)) >= min_strain)
+        size = np.abs(np.nan_to_num(along))
+        usable = self.measured & (size >= min_strain) & (size > 0)
         ratio[usable] = -across[usable] / along[usable]
         return ratio
 
