@@ -35,6 +35,7 @@ COMMANDS = {
     "cv": "Compare surrogate models by cross-validation.",
     "fit": "Fit a surrogate model and keep it.",
     "predict": "Predict Poisson's ratio with a kept surrogate.",
+    "check": "Simulate designs as worn and score them before they are cut.",
     "export": "Write the files for the laser and read them again.",
     "tensile": "Measure strain and Poisson's ratio in the pictures of a tensile test.",
     "design": "Design the cuts of a patch from strain targets.",

@@ -439,7 +439,16 @@ def worn_table(start: PatchDesign, found: WornDesign, *, method: str = "worn") -
                 "WorstMm": last.worst_mm,
                 "AtBounds": found.at_bounds,
                 "Stopped": found.reason,
-                "CpuSeconds": round(found.cpu_seconds, 2),
+                "Iterations": [
+                    {
+                        "Elements": one.elements,
+                        "RmsMm": one.rms_mm,
+                        "WorstMm": one.worst_mm,
+                        "ObjectiveMm2": one.objective_mm2,
+                        "Step": one.step,
+                    }
+                    for one in found.iterations
+                ],
             },
         },
     )

@@ -48,6 +48,7 @@ def viewer(
     patch_mm: NDArray[np.float64],
     grades: NDArray[np.str_],
     hover: list[list[str]],
+    slits_mm: NDArray[np.float64] | None = None,
 ) -> Viewer:
     """The 3-D view of one subject.
 
@@ -56,9 +57,15 @@ def viewer(
         skin_mm, patch_mm: (R, C, n, 3) outlines in the same frame; NaN where not scored.
         grades: (R, C) grade, or empty.
         hover: R x C words that appear over a cell's letter.
+        slits_mm: (k, 2, 3) ends of the cuts in the same frame, or None.
     """
+    drawn = traces(vertices_mm, faces, skin_mm, patch_mm, grades, hover)
+    if slits_mm is not None and len(slits_mm):
+        gap = np.full((len(slits_mm), 1, 3), np.nan)
+        ends = np.concatenate([slits_mm, gap], axis=1).reshape(-1, 3)
+        drawn.append(_line(ends, INK, 3, "cuts"))
     spec = {
-        "data": traces(vertices_mm, faces, skin_mm, patch_mm, grades, hover),
+        "data": drawn,
         "layout": _layout(vertices_mm),
         "config": {
             "displaylogo": False,
