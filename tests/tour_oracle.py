@@ -23,7 +23,7 @@ _FREE = -1
 
 @dataclass(frozen=True)
 class Tour:
-    """Attributes: ``bound_mm`` proved from below; ``length_mm`` of the optimum, None if not found."""
+    """``bound_mm`` proved from below; ``length_mm`` of the optimum, None if not found."""
 
     bound_mm: float
     length_mm: float | None

@@ -18,7 +18,7 @@ from scipy.spatial import cKDTree
 from shapely import LineString, Polygon
 
 from kiribench.errors import Fault
-from kiribench.fabrication.drawing import Drawing
+from kiribench.fabrication.drawing import Drawing, extent_mm
 from kiribench.fabrication.findings import Findings
 from kiribench.fabrication.match import match_slits, slit_faults
 from kiribench.fabrication.parts import Parts, same_ring, take_apart
@@ -93,22 +93,19 @@ def compare(
 
     parts = take_apart(strokes)
     rim = Polygon(expected.of("outline")[0].flattened())
-    box = np.array(rim.bounds)
-    wanted = box[2:] - box[:2]
     everything = np.concatenate([stroke.points_mm for stroke in strokes])
-    if parts.rings and parts.rings[0].area > 0:
-        seen = np.array(parts.rings[0].bounds)
-    else:
+    if not parts.has_outline:
         found.error(
             "outline-missing",
             "The drawing has no closed outline.",
             "Draw it as one closed path, on the last layer.",
         )
-        seen = np.concatenate([everything.min(axis=0), everything.max(axis=0)])
-    size = seen[2:] - seen[:2]
-    scale = _scale(size, wanted, found, tolerance_mm)
-    pose, turn = _pose(everything, (seen[:2] + seen[2:]) / 2, scale, expected, rim)
-    centre, goal = (seen[:2] + seen[2:]) / 2, (box[:2] + box[2:]) / 2
+    fit = max(_fits(parts, everything, expected, rim), key=lambda one: one.share)
+    scale = _scale(
+        fit.seen[2:] - fit.seen[:2], fit.wanted[2:] - fit.wanted[:2], found, tolerance_mm
+    )
+    pose, turn = fit.pose, fit.turn
+    centre, goal = (fit.seen[:2] + fit.seen[2:]) / 2, (fit.wanted[:2] + fit.wanted[2:]) / 2
 
     def placed(points: FloatArray) -> FloatArray:
         return np.asarray((points - centre) / scale @ turn.T + goal)
@@ -146,10 +143,59 @@ def compare(
     return Comparison(tuple(found.faults), scale, pose, slits, outline, windows, matched, worst)
 
 
+@dataclass(frozen=True, eq=False)
+class _Fit:
+    """One way to lay the drawing over the expected one: box on box, in a pose.
+
+    Attributes:
+        seen, wanted: (4,) the boxes.
+        pose, turn: name and matrix of the pose.
+        share: of the expected vertices that are there then.
+    """
+
+    seen: FloatArray
+    wanted: FloatArray
+    pose: str
+    turn: FloatArray
+    share: float
+
+
+def _fits(parts: Parts, everything: FloatArray, expected: Drawing, rim: Polygon) -> list[_Fit]:
+    """The best pose by the outline, by all open lines and by everything: one may have changed."""
+    boxes = []
+    if parts.has_outline:
+        boxes.append((np.array(parts.rings[0].bounds), np.array(rim.bounds)))
+    lines = [s for s in expected.strokes if not s.closed]
+    if len(parts.segments_mm) and lines:
+        points = parts.segments_mm.reshape(-1, 2)
+        box = np.concatenate([points.min(axis=0), points.max(axis=0)])
+        boxes.append((box, np.array(extent_mm(lines))))
+    whole = np.concatenate([everything.min(axis=0), everything.max(axis=0)])
+    boxes.append((whole, np.array(extent_mm(expected.strokes))))
+    fits = []
+    for seen, wanted in boxes:
+        size, goal = seen[2:] - seen[:2], wanted[2:] - wanted[:2]
+        if np.min(size) <= 0 or np.min(goal) <= 0:
+            continue
+        ratio = _ratio(size, goal)
+        scale = float(np.sqrt(ratio[0] * ratio[1]))
+        scale = 1.0 if abs(scale - 1) < _SCALE_STEP else scale
+        pose, turn, share = _pose(everything, (seen[:2] + seen[2:]) / 2, scale, expected, wanted)
+        fits.append(_Fit(seen, wanted, pose, turn, share))
+        if share > 0.999:
+            break
+    return fits or [_Fit(whole, whole, *_TURNS[0], 0.0)]
+
+
+def _ratio(size: FloatArray, wanted: FloatArray) -> FloatArray:
+    """(2,) sizes of a drawing / expected sizes, turned by a quarter where that fits better."""
+    straight, turned = size / wanted, size[::-1] / wanted
+    return min((straight, turned), key=lambda r: abs(float(np.log(r[0] / r[1]))))
+
+
 def _scale(size: FloatArray, wanted: FloatArray, found: Findings, tolerance_mm: float) -> float:
     """Size of the drawing / expected size, turned by a quarter or not; faults if not 1."""
-    straight, turned = size / wanted, size[::-1] / wanted
-    ratio = min((straight, turned), key=lambda r: abs(float(np.log(r[0] / r[1]))))
+    ratio = _ratio(size, wanted)
     scale = float(np.sqrt(ratio[0] * ratio[1]))
     if abs(ratio[0] / ratio[1] - 1) > _SCALE_STEP and (
         np.max(np.abs(ratio / scale - 1) * wanted) > tolerance_mm
@@ -182,10 +228,9 @@ def _scale(size: FloatArray, wanted: FloatArray, found: Findings, tolerance_mm: 
 
 
 def _pose(
-    points: FloatArray, centre: FloatArray, scale: float, expected: Drawing, rim: Polygon
-) -> tuple[str, FloatArray]:
+    points: FloatArray, centre: FloatArray, scale: float, expected: Drawing, box: FloatArray
+) -> tuple[str, FloatArray, float]:
     """The turn or mirroring under which most of the expected vertices are there."""
-    box = np.array(rim.bounds)
     goal = (box[:2] + box[2:]) / 2
     part = [s for s in expected.strokes if s.role not in ("info",)]
     vertices = np.concatenate([stroke.points_mm for stroke in part])
@@ -196,7 +241,7 @@ def _pose(
         share = float(np.mean(np.isfinite(distance)))
         if share > best[0] + 1e-9:
             best = (share, (name, turn))
-    return best[1]
+    return (*best[1], best[0])
 
 
 def _rings(
@@ -214,19 +259,19 @@ def _rings(
             f"{parts.ring_twice} closed shapes are there twice: the beam would pass twice.",
             "Delete the doubles.",
         )
-    if not rings:
-        return None, ()
-    if not same_ring(rings[0], rim, tolerance_mm + 0.004):
+    outline = rings[0] if parts.has_outline else None
+    if outline is not None and not same_ring(outline, rim, tolerance_mm + 0.004):
         found.error(
             "outline-changed",
             "The outline is not the one of the design.",
             "Check size, corners and hoops; corners may have been rounded or flattened.",
-            f"{rings[0].hausdorff_distance(rim):.3f} mm off",
+            f"{outline.hausdorff_distance(rim):.3f} mm off",
             f"within {tolerance_mm:g} mm",
         )
     slots = [Polygon(s.flattened()) for s in expected.of("slot")]
     marks = [Polygon(s.flattened()) for s in expected.of("label", "info") if s.closed]
-    free = list(range(1, len(rings)))
+    inner = list(range(int(outline is not None), len(rings)))
+    free = list(inner)
     for wanted, name in [*[(m, "") for m in marks], *[(s, "slot") for s in slots]]:
         place = wanted.centroid
         near = [k for k in free if rings[k].centroid.distance(place) < 0.5]
@@ -242,11 +287,10 @@ def _rings(
                 f"around ({place.x:.2f}, {place.y:.2f}) mm",
             )
     windows = tuple(
-        rings[k]
-        for k in range(1, len(rings))
-        if any(same_ring(rings[k], slot, 0.5) for slot in slots)
+        rings[k] for k in inner if any(same_ring(rings[k], slot, 0.5) for slot in slots)
     )
-    inside = [k for k in free if rings[0].covers(rings[k]) and rings[k] not in windows]
+    area = rim if outline is None else outline
+    inside = [k for k in free if area.covers(rings[k]) and rings[k] not in windows]
     if inside:
         place = rings[inside[0]].centroid
         found.error(
@@ -255,7 +299,7 @@ def _rings(
             "Delete them, or turn outlined strokes back into single lines.",
             f"({place.x:.2f}, {place.y:.2f}) mm",
         )
-    return rings[0], windows
+    return outline, windows
 
 
 def _without_marks(

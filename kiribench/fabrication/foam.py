@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from kiribench.fabrication.drawing import Drawing, page
-from kiribench.fabrication.lettering import text
+from kiribench.fabrication.lettering import fitting_height, text
 from kiribench.fabrication.patch import PatchPlan, crosses
 from kiribench.fabrication.profile import Profile
 from kiribench.fabrication.strokes import Stroke, circle, polyline, rounded
@@ -46,11 +46,17 @@ def draw_template(plan: PatchPlan, name: str, profile: Profile, *, hole_mm: floa
     part = [circle("slot", centre, hole_mm / 2) for centre in plan.fiducials_mm]
     part += _edge_ticks(plan, inside=True)
     part.append(rounded("outline", [(0, 0), (width, 0), (width, long), (0, long)], 0.0))
+    seen = _seen(plan, part)
+    words = ("up", *_who(plan).split(), f"lateral {'right' if plan.mirrored else 'left'}")
+    height = min(fitting_height(word, 0.6 * width, 0.08 * width, 0.5) or 0.5 for word in words)
+    for k, word in enumerate(words):
+        y = long / 2 + (k - len(words) / 2) * 1.8 * height
+        seen += text("label", word, (width / 2, y), height, anchor=0.5)
     lines = [
         f"skin template {_who(plan)}, up as drawn",
-        "lay the edge ticks on the drawn grid, straight pose; mark through the holes",
+        "lay the edge ticks on the drawn grid, straight pose. mark through the holes",
     ]
-    return page(name, f"Skin template {name}", _seen(plan, part), lines, profile)
+    return page(name, f"Skin template {name}", seen, lines, profile)
 
 
 def draw_coupon(name: str, profile: Profile, *, step_mm: float = 0.05, rows: int = 12) -> Drawing:

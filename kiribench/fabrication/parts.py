@@ -21,9 +21,10 @@ class Parts:
     Attributes:
         segments_mm: (n, 2, 2) straight pieces of everything that is no ring.
         segment_stroke: (n,) index of the stroke that each comes from.
-        rings: closed shapes, the largest first, as polygons.
+        rings: closed shapes as polygons, the outline first where there is one, then by size.
         ring_strokes: the strokes that each ring was made of.
         ring_twice: rings that are there more than once.
+        has_outline: whether the first ring is the outline of a part.
     """
 
     segments_mm: FloatArray
@@ -31,6 +32,7 @@ class Parts:
     rings: tuple[Polygon, ...]
     ring_strokes: tuple[tuple[int, ...], ...]
     ring_twice: int
+    has_outline: bool
 
 
 def take_apart(strokes: Sequence[ReadStroke]) -> Parts:
@@ -60,13 +62,33 @@ def take_apart(strokes: Sequence[ReadStroke]) -> Parts:
         for piece in _straight_pieces(strokes[index].points_mm):
             segments.append(piece)
             owner.append(index)
+    middles = np.array(segments).reshape(-1, 2, 2).mean(axis=1)
+    polygons = [polygon for polygon, _ in kept]
+    outer = [k for k in range(len(kept)) if _holds_a_part(k, polygons, middles, strokes)]
+    has_outline = bool(outer)
+    if has_outline:
+        kept.insert(0, kept.pop(outer[0]))
     return Parts(
         np.array(segments).reshape(-1, 2, 2),
         np.array(owner, np.int64),
         tuple(polygon for polygon, _ in kept),
         tuple(members for _, members in kept),
         twice,
+        has_outline,
     )
+
+
+def _holds_a_part(
+    index: int, rings: Sequence[Polygon], middles: FloatArray, strokes: Sequence[ReadStroke]
+) -> bool:
+    """Whether a ring is the outline of something: large on the page, or with much inside."""
+    ring = rings[index]
+    points = np.concatenate([stroke.points_mm for stroke in strokes])
+    if ring.area > 0.3 * float(np.prod(np.ptp(points, axis=0))):
+        return True
+    inside = int(np.sum(shapely.contains_xy(ring, middles))) if len(middles) else 0
+    inside += sum(ring.contains(other) for k, other in enumerate(rings) if k != index)
+    return bool(inside >= 3)
 
 
 def _polygon(points: FloatArray) -> Polygon | None:

@@ -117,7 +117,7 @@ def info_lines(plan: PatchPlan) -> list[str]:
     side = f"{design.side} side" if design.side else "side not stated"
     return [
         f"{who}, {side}, {design.method}",
-        f"{rows} × {columns} cells of {design.cell_mm:g} mm, {len(plan.slits)} slits, "
+        f"{rows} × {columns} cells of {design.cell_mm:g} mm, {len(plan.slits)} slits",
         f"kerf {plan.options.kerf_mm:g} mm",
         f"outer face up, lateral on the {'right' if plan.mirrored else 'left'}",
     ]
@@ -174,50 +174,58 @@ def _label(
     design: PatchDesign, cut_map: CutMap, hoops: Hoops | None, mirrored: bool
 ) -> tuple[list[Stroke], list[Fault]]:
     """Words and UP marks on the patch itself, in the frame of the outer face."""
-    width, long = cut_map.size_mm
-    words = ["UP"]
-    if design.participant:
-        words.append(design.participant)
-    if design.side:
-        words.append(design.side)
-    words += ["LAT", "MED"]
-    boxes = _boxes(cut_map, hoops)
-    middle, last = len(boxes) // 2, len(boxes) - 1
-    if len(boxes) >= len(words):
-        free = [i for i in range(1, last) if i != middle]
-        places = {"UP": middle, "LAT": 0, "MED": last}
-        for word in words[1:-2]:
-            places[word] = free.pop(0)
-    else:
-        places = dict(zip(words, range(len(boxes)), strict=False))
+    width = cut_map.size_mm[0]
+    words = [word for word in ("UP", "LAT", "MED", design.participant, design.side) if word]
+    proximal, distal = _boxes(cut_map, hoops)
+    places = _places(words, proximal, distal)
     strokes: list[Stroke] = []
     faults = []
     for word in words:
-        box = boxes[places[word]] if word in places else None
-        drawn = None if box is None else _word(word, box, width, mirrored)
+        drawn = _word(word, places[word], width, mirrored) if word in places else None
         if drawn is None:
             faults.append(_no_room(word))
         else:
             strokes += drawn
-    if hoops is not None and "UP" in places:
-        box = boxes[places["UP"]]
-        base = long + TICK_MM + 0.8 + LETTER_MM
-        strokes += _word("UP", _Box(box.x_mm, base, box.width_mm), width, mirrored) or []
+    if len(distal) >= 3:
+        strokes += _word("UP", distal[len(distal) // 2], width, mirrored) or []
     return strokes, faults
 
 
-def _boxes(cut_map: CutMap, hoops: Hoops | None) -> list[_Box]:
-    """Places for words at the proximal end: the hoops' necks, else the first row's facets."""
+def _places(words: list[str], proximal: list[_Box], distal: list[_Box]) -> dict[str, _Box]:
+    """Where the words go: LAT and MED to the edges that they name, UP to the middle."""
+    count = len(proximal)
+    if count < 3:
+        ends = {"LAT": proximal[0], "MED": proximal[1]} if count == 2 else {}
+        free = [*(proximal if count == 1 else ()), *distal]
+    else:
+        ends = {"LAT": proximal[0], "MED": proximal[-1], "UP": proximal[count // 2]}
+        inner = [box for k, box in enumerate(proximal) if k not in (0, count // 2, count - 1)]
+        free = [*inner, *(box for k, box in enumerate(distal) if k != count // 2)]
+    others = [word for word in words if word not in ends]
+    if count < 2:
+        others = [word for word in others if word not in ("LAT", "MED")]
+    return ends | dict(zip(others, free, strict=False))
+
+
+def _boxes(cut_map: CutMap, hoops: Hoops | None) -> tuple[list[_Box], list[_Box]]:
+    """Places for words at both ends: the hoops' necks, else facets without a cross."""
+    _, long = cut_map.size_mm
     if hoops is not None:
         placed = hoop_shapes.place_hoops(cut_map.columns, cut_map.cell_mm, hoops)
-        return [_Box(h.x_mm, -TICK_MM - 0.8, h.neck_width_mm - 1.6) for h in placed]
+        near, far = -TICK_MM - 0.8, long + TICK_MM + 0.8 + LETTER_MM
+        return (
+            [_Box(h.x_mm, near, h.neck_width_mm - 1.6) for h in placed],
+            [_Box(h.x_mm, far, h.neck_width_mm - 1.6) for h in placed],
+        )
     facet = cut_map.cell_mm / 2
     room = facet - 1.6
-    return [
-        _Box((j + 0.5) * facet, 0.5 * facet + min(LETTER_MM, room) / 2, room)
-        for j in range(2 * cut_map.columns)
-        if j not in (1, 2 * cut_map.columns - 2) or cut_map.rows > 1
-    ]
+    taken = {tuple(np.floor(centre / facet).astype(int)) for centre in fiducial_centres(cut_map)}
+    ends = []
+    for row in (0, 2 * cut_map.rows - 1):
+        base = (row + 0.5) * facet + min(LETTER_MM, room) / 2
+        columns = [j for j in range(2 * cut_map.columns) if (j, row) not in taken]
+        ends.append([_Box((j + 0.5) * facet, base, room) for j in columns])
+    return ends[0], ends[1]
 
 
 def _word(word: str, box: _Box, width: float, mirrored: bool) -> list[Stroke] | None:

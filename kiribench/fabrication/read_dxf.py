@@ -132,6 +132,8 @@ def _ezdxf_document(data: bytes) -> Any:
 
     if data.startswith(b"AutoCAD Binary DXF"):
         raise ValueError("a binary DXF; save it as text (ASCII)")
+    if not data.strip():
+        raise ValueError("the file is empty")
     head = dxf_info(io.StringIO(data[:200_000].decode("latin-1")))
     text = data.decode(head.encoding, errors="surrogateescape").replace("\r\n", "\n")
     return read(io.StringIO(text))

@@ -267,7 +267,7 @@ def _alone(
         )
     cutting = [i for i, kind in enumerate(kinds) if kind != "mark"]
     parts = take_apart([strokes[i] for i in cutting])
-    if not parts.rings:
+    if not parts.has_outline:
         found.error(
             "outline-missing",
             "The drawing has no closed outline.",
@@ -279,7 +279,7 @@ def _alone(
             f"{parts.ring_twice} closed shapes are there twice: the beam would pass twice.",
             "Delete the doubles.",
         )
-    outline = parts.rings[0] if parts.rings else None
+    outline = parts.rings[0] if parts.has_outline else None
     segments, owner = parts.segments_mm, parts.segment_stroke
     if outline is not None and len(segments):
         roomy = outline.buffer(0.5)
@@ -308,7 +308,9 @@ def _alone(
                 "The outline is cut before the last inner cut: the patch is loose by then.",
                 "Put the outline last in the file, or on a layer that is worked last.",
             )
-    windows = tuple(ring for ring in parts.rings[1:] if outline and outline.covers(ring))
+    windows = tuple(
+        ring for ring in parts.rings[1:] if outline is not None and outline.covers(ring)
+    )
     return slits, outline, windows, found.faults
 
 

@@ -79,6 +79,7 @@ def test_a_left_patch_is_the_mirror_image_with_readable_words():
         return np.array(sorted(tuple(np.sort(p, axis=0).ravel().round(9)) for p in points))
 
     np.testing.assert_allclose(slits(left, True), slits(right, False))
+
     # 'UP' is written alike on both, not mirrored: the same strokes, moved.
     def word(plan):
         strokes = [s.points_mm for s in plan.part if s.role == "label"]

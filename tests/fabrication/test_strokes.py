@@ -53,7 +53,8 @@ def test_turning_and_mirroring_keep_the_shape(make):
     else:
         difference = Polygon(stroke.flattened()).symmetric_difference(Polygon(back.flattened()))
         assert difference.area < 1e-3
-        third = stroke.started_at(2)
+        third = Polygon(stroke.started_at(2).flattened())
+        assert third.symmetric_difference(Polygon(stroke.flattened())).area < 1e-9
     mirrored = stroke.moved((1.0, 2.0), mirror_x_mm=20.0)
     expected = np.column_stack([20 - stroke.flattened()[:, 0] + 1, stroke.flattened()[:, 1] + 2])
     np.testing.assert_allclose(mirrored.flattened(), expected, atol=1e-12)
