@@ -300,7 +300,7 @@ WEAR_ELEMENTS_MM = 0.005
 """Fraction of the energy: Richardson's extrapolation of first-order four-node quads."""
 
 WEAR_STICK_ENERGY = 1e-5
-"""Fraction: nine-node quads of 1.5 mm follow a sphere of 50 mm to fourth order."""
+"""Fraction: nine-node quads of .75 mm follow a sphere of 50 mm to fourth order (3e-6)."""
 
 WEAR_TIP_STRETCH = 3e-4
 """Fraction: quarter-point elements take a quadratic field at their nodes only; in between its
@@ -354,3 +354,10 @@ cells that differ by 1 % for good: the 95 % half-widths are .1 to .5."""
 DISTANCE_COVERAGE = 0.89
 """Fraction: 95 % intervals of the distance of two curves, counted in 200 draws of ten cells (a
 normal interval for a sum of squares whose covariance is estimated): found .90 to 1."""
+
+ANGLE_DEFECT = 0.03
+"""Fraction: Gauss curvature by the angles of chords of 10 mm on a sphere of 60 mm:
+(h / r)^2 = .028."""
+
+REST_SPHERE_MM = 1e-6
+"""mm: symmetry; Newton's method ends at 1e-10 of the stiffness times the cell."""

@@ -105,7 +105,7 @@ def tip_state(mesh: PatchMesh, jet: SurfaceJet, mu_mpa: float) -> tuple[FloatArr
     """Largest principal stretch and Cauchy stress (MPa) before every tip; (k,) each, half-cuts in
     the order of ``CutMap.half_cuts``, the mean of the two facets beside the ligament."""
     cuts = mesh.cut_map.half_cuts()
-    rows, columns = mesh.shape
+    columns = mesh.shape[1]
     index = {
         (int(p), int(q), int(sense)): k
         for k, ((p, q), sense) in enumerate(zip(cuts.site, cuts.direction.sum(axis=1), strict=True))

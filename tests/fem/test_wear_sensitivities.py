@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from curved_skins import Sphere, knee
+from curved_skins import Relabelled, knee, sphere_nodes
 from tolerances import WEAR_SENSITIVITY
 
 from kiribench.errors import DataError, NotConvergedError
 from kiribench.fem import wear_system
-from kiribench.fem.surface_map import Plane
+from kiribench.fem.surface_map import NodeSpline, Plane
 from kiribench.fem.wear import WearSpec, wear_patch, wear_sensitivities
 from kiribench.fem.wear_sensitivities import half_cut_weights
 from kiribench.lattice import CutMap
@@ -44,7 +44,9 @@ def test_every_cut_length_moves_the_corners_as_a_new_solution_does(
 ) -> None:
     a, b = _maps(2, 3)
     spec = WearSpec(6, element=element, straps=straps)  # type: ignore[arg-type]
-    surface = Sphere(45.0) if straps == "rows" else Plane(1.05, 1.2)
+    # A skin of a sphere, stretched by a quarter in all directions.
+    skin = NodeSpline.of(sphere_nodes(45.0, 9, 9, 12.5), 10.0)
+    surface = Relabelled(skin, (40.0, 40.0)) if straps == "rows" else Plane(1.05, 1.2)
     found = wear_sensitivities(CutMap(a, b, 15.0), surface, ORIGIN, spec).corner_q
     assert found.shape == (3 * 4 * 2, 12)
     largest = np.abs(found).max()

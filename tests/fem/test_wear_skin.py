@@ -1,0 +1,133 @@
+"""The skin at rest: missing nodes, flatness, rest maps; and the way to the pose with friction."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from curved_skins import knee_nodes, sphere_nodes
+from tolerances import ANGLE_DEFECT, REST_SPHERE_MM
+
+from kiribench.errors import NodesError
+from kiribench.fem.surface_map import Cylinder, NodeSpline, Plane
+from kiribench.fem.wear import WearSpec, wear_patch
+from kiribench.fem.wear_friction import skin_path
+from kiribench.fem.wear_rest import rest_map, rest_of_skin
+from kiribench.fem.wear_skin import fill_nodes, flatness
+from kiribench.lattice import CutMap
+
+PITCH = 10.0
+
+
+def _nodes_of(surface: Plane | Cylinder, rows: int, columns: int) -> np.ndarray:
+    u, v = np.meshgrid(PITCH * np.arange(columns), PITCH * np.arange(rows))
+    q = np.column_stack([u.ravel(), v.ravel()])
+    return surface.at(q).x.reshape(rows, columns, 3)
+
+
+def test_missing_nodes_are_put_where_the_grid_bends_least() -> None:
+    nodes = _nodes_of(Plane(1.1, 1.3, 0.2), 6, 7)
+    gaps = nodes.copy()
+    gaps[2, 3] = gaps[2, 4] = gaps[0, 0] = np.nan
+    np.testing.assert_allclose(fill_nodes(gaps), nodes, atol=1e-10)
+    assert np.isnan(gaps[2, 3]).all()
+    round_it = _nodes_of(Cylinder(50.0), 6, 7)
+    gaps = round_it.copy()
+    gaps[2, 3] = np.nan
+    assert np.abs(fill_nodes(gaps) - round_it).max() < 0.05
+    gaps[:2] = np.nan
+    with pytest.raises(NodesError, match="nodes-too-few"):
+        fill_nodes(gaps)
+
+
+def test_flatness_of_plane_cylinder_and_sphere() -> None:
+    flat = flatness(_nodes_of(Plane(), 6, 7), PITCH)
+    assert flat.mismatch < 1e-14
+    assert np.abs(flat.gauss_curvature).max() < 1e-14
+    rolled = flatness(_nodes_of(Cylinder(50.0), 6, 7), PITCH)
+    # Chords are short by (h / r)^2 / 24; a developable grid of quads has no angle defect.
+    np.testing.assert_allclose(rolled.across_mismatch, -(0.2**2) / 24, rtol=0.01)
+    assert np.abs(rolled.gauss_curvature).max() < 1e-12
+    assert rolled.flat
+    ball = flatness(sphere_nodes(60.0, 9, 9, PITCH), PITCH)
+    np.testing.assert_allclose(ball.gauss_curvature, 60.0**-2, rtol=ANGLE_DEFECT)
+    # Gauss and Bonnet: the inner nodes stand for a square of 7 x 7 cells on the sphere.
+    width, height = 2 * 35.0 / 60, 35.0 / 60
+    assert ball.total_curvature == pytest.approx(width * 2 * np.sin(height), rel=ANGLE_DEFECT)
+    assert not ball.flat
+    stretched = flatness(_nodes_of(Plane(1.05, 1.0, 0.1), 6, 7), PITCH)
+    np.testing.assert_allclose(stretched.across_mismatch, 0.05, rtol=1e-10)
+    np.testing.assert_allclose(stretched.shear, 0.1 / np.hypot(1, 0.1), rtol=1e-10)
+
+
+def test_a_rest_map_lays_a_patch_flat_on_skin_that_its_grid_misstates() -> None:
+    # The drawn grid is 5 % too wide: the patch of 10 mm cells covers less of it.
+    cut_map = CutMap.uniform(0.5, 0.5, 2, 2, PITCH)
+    skin = NodeSpline.of(_nodes_of(Plane(1.05, 1.0), 6, 6), PITCH)
+    laid = rest_map(skin, cut_map, (12.0, 11.0))
+    points = np.random.default_rng(0).uniform(0, 20, (30, 2))
+    expected = (points - 10) / [1.05, 1.0] + [22.0, 21.0]
+    np.testing.assert_allclose(laid.at(points), expected, atol=1e-6)
+    assert laid.largest_strain < 1e-8
+    # Worn at rest it is then without stress; laid by the grid it is not.
+    by_map = wear_patch(cut_map, skin, (12.0, 11.0), WearSpec(6), rest=laid)
+    by_grid = wear_patch(cut_map, skin, (12.0, 11.0), WearSpec(6))
+    assert by_map.energy_mj < 1e-10 < 1e-4 < by_grid.energy_mj
+
+
+def test_which_skin_needs_a_rest_map_and_which_is_refused() -> None:
+    cut_map = CutMap.uniform(0.5, 0.5, 4, 4, PITCH)
+    assert rest_of_skin(_nodes_of(Cylinder(50.0), 7, 7), PITCH, cut_map, (10, 10)) is None
+    ball = sphere_nodes(60.0, 7, 7, PITCH)
+    laid = rest_of_skin(ball, PITCH, cut_map, (10.0, 10.0))
+    assert laid is not None
+    assert 0.001 < laid.largest_strain < 0.1
+    # By symmetry the centre and the mid-lines stay; least energy spreads the corners.
+    np.testing.assert_allclose(laid.sites_q_mm[4, 4], 30.0, atol=REST_SPHERE_MM)
+    np.testing.assert_allclose(laid.sites_q_mm[:, 4, 0], 30.0, atol=REST_SPHERE_MM)
+    with pytest.raises(NodesError, match=r"skin-not-flat.*Gauss curvature is \d"):
+        rest_of_skin(sphere_nodes(25.0, 7, 7, PITCH), PITCH, cut_map, (10.0, 10.0))
+    for participant in ("S1", "S2", "S3"):
+        assert flatness(knee_nodes(participant, "flex000"), 15.0).flat
+
+
+def test_the_way_of_the_skin_is_isometric_where_the_pose_only_bends() -> None:
+    rest = _nodes_of(Plane(), 6, 10)
+    # Rolled to three quarters of a circle: straight lines between nodes would shrink it.
+    radius = 90.0 / (1.5 * np.pi)
+    pose = _nodes_of(Cylinder(radius), 6, 10)
+    path = skin_path(rest, pose, PITCH, steps=4)
+    q = np.column_stack([PITCH * np.tile(np.arange(10), 6), PITCH * np.repeat(np.arange(6), 10)])
+    chord = 2 * radius * np.sin(PITCH / radius / 2)
+    for step, skin in enumerate(path, 1):
+        nodes = skin.at(q).x.reshape(6, 10, 3)
+        across = np.linalg.norm(np.diff(nodes, axis=1), axis=2)
+        expected = PITCH + step / 4 * (chord - PITCH)
+        np.testing.assert_allclose(across, expected, rtol=0.01)
+        np.testing.assert_allclose(np.linalg.norm(np.diff(nodes, axis=0), axis=2), PITCH, rtol=0.01)
+    last = path[-1].at(q).x
+    np.testing.assert_allclose(
+        np.linalg.norm(last[:, None] - last[None], axis=2),
+        np.linalg.norm(pose.reshape(-1, 3)[:, None] - pose.reshape(-1, 3)[None], axis=2),
+        atol=1e-9,
+    )
+
+
+def test_friction_lies_between_sliding_and_sticking() -> None:
+    cut_map = CutMap.uniform(0.6, 0.6, 3, 2, PITCH)
+    rest = _nodes_of(Cylinder(30.0), 6, 6)
+    pose = _nodes_of(Cylinder(30.0, 1.1, 1.3), 6, 6)
+    path = skin_path(rest, pose, PITCH, steps=4)
+    origin = (15.0, 10.0)
+
+    def corners(friction: float) -> np.ndarray:
+        worn = wear_patch(cut_map, path[-1], origin, WearSpec(6, friction=friction), path=path)
+        assert worn.reason is None
+        return worn.corner_q_mm
+
+    free, stuck = corners(0.0), corners(np.inf)
+    x, y = np.meshgrid(PITCH * np.arange(3), PITCH * np.arange(4))
+    np.testing.assert_allclose(stuck, np.stack([x, y], axis=-1) + origin, atol=1e-12)
+    away = [np.abs(corners(mu) - free).max() for mu in (1e-4, 0.5, 2.0)]
+    whole = np.abs(stuck - free).max()
+    assert away[0] < 0.01 * whole
+    assert away[0] < away[1] < away[2] < whole
