@@ -29,6 +29,7 @@ from kiribench.reference.tensile_simulation import (
     measured_part,
     predict,
 )
+from kiribench.reference.tensile_specimen import stated_specimen
 from kiribench.reference.tensile_words import object_of, text_of, verdict_of
 from kiribench.schema.patch_design import PatchDesign
 from kiribench.strain.measures import strain_of
@@ -135,13 +136,13 @@ def compare_tensile(
     Args:
         design: the cuts of the whole sample; rows along the pull.
         test: what the camera saw.
-        options: None is ``TensileOptions()``.
+        options: None takes the specimen from the sidecars, see :func:`stated_specimen`.
 
     Raises:
-        TableError: ``tensile-block-outside``, ``tensile-too-few-frames``.
+        TableError: ``tensile-block-outside``, ``tensile-too-few-frames``, ``tensile-specimen``.
         NotConvergedError: the simulation does not reach the test's strains.
     """
-    settings = options or TensileOptions()
+    settings = options or TensileOptions(specimen=stated_specimen(design, test))
     specimen = settings.specimen
     measured = measured_part(design, test, specimen, settings.min_strain)
     steps = load_steps(design, specimen, measured)

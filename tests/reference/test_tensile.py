@@ -15,6 +15,7 @@ from kiribench.reference.tensile import TensileComparison, compare_tensile
 from kiribench.reference.tensile_causes import Cause, Observed, diagnose
 from kiribench.reference.tensile_noise import distance_of, scatter_of
 from kiribench.reference.tensile_simulation import Specimen
+from kiribench.reference.tensile_specimen import stated_specimen
 
 PLAN = design()
 
@@ -184,3 +185,16 @@ def test_noise_is_rarely_taken_for_a_cause() -> None:
 def test_the_block_is_centred() -> None:
     found = compare_tensile(PLAN, pull(PLAN, Truth()), options=replace(OPTIONS, explain=False))
     assert f"rows 2 to {1 + BLOCK[0]}, columns 1 to {BLOCK[1]}" in found.notes[0]
+
+
+def test_the_specimen_of_a_sidecar() -> None:
+    test = pull(PLAN, Truth())
+    stated = {"GripMm": 5, "Ends": "sliding", "MuMpa": 0.112, "Alpha": 3.29, "Row": 1}
+    expected = Specimen(grip_mm=5.0, ends="sliding", material=Ogden(0.112, 3.29), row=1)
+    assert stated_specimen(PLAN, replace(test, record={"Specimen": stated})) == expected
+    assert stated_specimen(replace(PLAN, settings={"Specimen": stated}), test) == expected
+    assert stated_specimen(PLAN, test) == Specimen()
+    for bad in ({"Grip": 5}, {"GripMm": -1}, {"Ends": "loose"}, {"Row": 1.5}, {"Alpha": "x"}, 7):
+        with pytest.raises(TableError) as caught:
+            stated_specimen(PLAN, replace(test, record={"Specimen": bad}))
+        assert caught.value.code == "tensile-specimen"
