@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import warnings
 from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
@@ -20,6 +21,7 @@ VIDEOS = (".mp4", ".avi", ".mov", ".mkv")
 CUT_OFF = 0.10
 """Share of pixels of the block at the top of the scale above which a frame is overexposed."""
 _AHEAD = 3
+_MAGIC = (b"\x89PNG", b"II*\x00", b"MM\x00*", b"\xff\xd8\xff\xe0", b"\xff\xd8\xff\xe1")
 
 
 @dataclass(frozen=True)
@@ -118,8 +120,8 @@ def list_frames(folder: Path, declared: tuple[str, ...] | None) -> FrameList:
                 )
     if faults:
         raise DatasetError.of(faults)
-    warnings = () if declared is not None else _gaps(paths)
-    return FrameList(tuple(path.name for path in paths), tuple(paths), usual, False, None, warnings)
+    gaps = () if declared is not None else _gaps(paths)
+    return FrameList(tuple(path.name for path in paths), tuple(paths), usual, False, None, gaps)
 
 
 def decode(frames: FrameList) -> Iterator[Float32Array]:
@@ -224,10 +226,14 @@ def _header(path: Path) -> tuple[list[Fault], tuple[int, int] | None, str]:
             "",
         )
     try:
-        with Image.open(path) as picture:
-            form, size, mode = picture.format, picture.size, picture.mode
-            count = int(getattr(picture, "n_frames", 1))
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of broken tags: what is broken is said below
+            with Image.open(path) as picture:
+                form, size, mode = picture.format, picture.size, picture.mode
+                count = int(getattr(picture, "n_frames", 1))
     except (UnidentifiedImageError, OSError, SyntaxError, ValueError) as error:
+        if path.read_bytes()[:4] in _MAGIC:
+            return [_cut_short(path)], None, ""
         return (
             [
                 _fault(
@@ -256,20 +262,18 @@ def _header(path: Path) -> tuple[list[Fault], tuple[int, int] | None, str]:
             "",
         )
     if _truncated(path, str(form)):
-        return (
-            [
-                _fault(
-                    "frame-truncated",
-                    "The file ends before the picture does.",
-                    path,
-                    "Copy it again from the camera.",
-                    f"{path.stat().st_size} bytes",
-                )
-            ],
-            size,
-            mode,
-        )
+        return [_cut_short(path)], size, mode
     return [], size, mode
+
+
+def _cut_short(path: Path) -> Fault:
+    return _fault(
+        "frame-truncated",
+        "The file ends before the picture does.",
+        path,
+        "Copy it again from the camera.",
+        f"{path.stat().st_size} bytes",
+    )
 
 
 def _truncated(path: Path, form: str) -> bool:

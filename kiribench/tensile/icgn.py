@@ -31,6 +31,8 @@ _RIM = 9
 """Pixels around the points, so that the ends of the spline's recursion are not felt (2e-5)."""
 _ROOM = 4
 """Pixels that the points may move before the window is read again."""
+_CONTRAST = 3.0
+"""Standard deviation of the grey levels (of 255) of a subset that shows something."""
 _POLE = np.sqrt(3.0) - 2.0
 
 
@@ -246,7 +248,7 @@ def _read(
             slope[s, k, 1] = w[3] * gx + (1.0 + w[5]) * gy
             total += g
             square += g * g
-        good[s] = square / p - (total / p) ** 2 > 1.0
+        good[s] = square / p - (total / p) ** 2 > _CONTRAST**2
     return value, slope, good
 
 

@@ -15,6 +15,8 @@ Float32Array = npt.NDArray[np.float32]
 STAY = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 """The affine map (2, 3) of a camera that stood still."""
 _ZNCC = 0.7
+_CONTRAST = 6.0
+"""Standard deviation of grey levels, more than a sensor's noise."""
 
 
 class StillThings:
@@ -35,8 +37,9 @@ class StillThings:
         unit = np.stack(np.meshgrid(step, step), -1).reshape(-1, 2)
         xi = unit[None] * half[:, None]
         self._templates = make_templates(first, self._centre, xi, np.zeros((len(corner), 6)))
-        if not self._templates.good.all():
-            at = int(np.argmin(self._templates.good))
+        shown = self._templates.good & (self._templates.value.std(axis=1) > _CONTRAST)
+        if not shown.all():
+            at = int(np.argmin(shown))
             raise DatasetError(
                 "tensile-still-box",
                 "A box of still_px shows nothing that can be followed, or is not in the picture.",

@@ -78,7 +78,7 @@ def test_markers_are_paired_over_a_large_step() -> None:
 
 def test_markers_without_a_rim_are_said_to_be_alike() -> None:
     here = grid(6, 4, 50.0) + 100
-    there = grid(14, 4, 75.0) + [100, -200]
+    there = grid(14, 4, 75.0) + np.array([100, -200])
     pairing = pair_by_map(here, there, 50.0, np.array([0.0, 1.0]))
     assert pairing.shifted or pairing.ambiguous
 
