@@ -30,7 +30,7 @@ def cv(
     jobs: int = 1,
     scheduler: str | None = None,
     device: Literal["cpu", "cuda"] = "cpu",
-    budget: float = 40.0,
+    budget: float = 45.0,
     strain_measure: str | None = None,
     features: Annotated[tuple[str, ...], Parameter(consume_multiple=True, negative=())] = (),
     target: str | None = None,

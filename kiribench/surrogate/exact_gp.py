@@ -27,6 +27,7 @@ from kiribench.surrogate.kernel_form import (
     strain_correlation,
 )
 from kiribench.surrogate.learning import Problem, learn, scaled_axes, tensor
+from kiribench.surrogate.likelihood import GAIN
 
 FloatArray = NDArray[np.float64]
 Structure = Literal["grid", "resampled", "dense"]
@@ -55,6 +56,11 @@ class ExactGP(RegressorMixin, BaseEstimator):  # type: ignore[misc]
     threads: int | None
     random_state: int | None
 
+    # Set by fit.
+    hyperparameters_: Hyperparameters
+    log_marginal_likelihood_: float
+    _state: GridState | DenseState
+
     def _kernel_forms(self, inputs: int) -> tuple[KernelForm, ...]:
         """The kernels to choose from, the first the simplest."""
         raise NotImplementedError
@@ -64,6 +70,9 @@ class ExactGP(RegressorMixin, BaseEstimator):  # type: ignore[misc]
 
     def _calibrated(self) -> bool:
         return False
+
+    def _gain(self) -> float:
+        return GAIN
 
     def fit(self, X: ArrayLike, y: ArrayLike) -> ExactGP:
         """Learn scalings and kernel parameters, and condition on the rows.
@@ -117,6 +126,7 @@ class ExactGP(RegressorMixin, BaseEstimator):  # type: ignore[misc]
             place=place,
             seed=self.random_state,
             max_evaluations=self.max_evaluations,
+            gain=self._gain(),
         )
         forms = self._kernel_forms(X.shape[1])
         if given is not None:
@@ -214,7 +224,7 @@ class ExactGP(RegressorMixin, BaseEstimator):  # type: ignore[misc]
             flat = dense.condition(k, learnt.noise_ratio, values, signal)
             learnt = replace(learnt, signal_variance=flat.signal)
             nll, rows = flat.negative_log_likelihood, len(y)
-            self._state: GridState | DenseState = DenseState(form, learnt, inputs, flat)
+            self._state = DenseState(form, learnt, inputs, flat)
         else:
             designs, strains = scaled_axes(grid, learnt, place)
             at = TorchParameters.of(learnt.kernel_parameters(), designs)

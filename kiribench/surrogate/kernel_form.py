@@ -117,7 +117,7 @@ def observed_correlation(form: KernelForm, inputs: Tensor, at: TorchParameters) 
     _, design = torch.unique(inputs[:, :-1], dim=0, return_inverse=True)
     same = (design[:, None] == design[None, :]).to(inputs.dtype)
     shared = same * strain_correlation(form, inputs[:, -1:], inputs[:, -1:], at)
-    return smooth + at.curve_noise * shared
+    return torch.add(smooth, at.curve_noise * shared)
 
 
 @dataclass(frozen=True, eq=False)

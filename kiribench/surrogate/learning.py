@@ -39,6 +39,7 @@ class Problem:
         place: the device of the computation.
         seed: of the choice of designs or rows where not all take part.
         max_evaluations: limit on the likelihoods of one search.
+        gain: with which a search ends, see :func:`likelihood.maximise`.
     """
 
     X: FloatArray
@@ -49,6 +50,7 @@ class Problem:
     place: torch.device
     seed: int | None
     max_evaluations: int
+    gain: float
 
     @classmethod
     def of(
@@ -61,13 +63,14 @@ class Problem:
         place: torch.device,
         seed: int | None,
         max_evaluations: int,
+        gain: float,
     ) -> Problem:
         """Scale as ``scaling`` says, see :func:`scaling_of`."""
         low, span, mean, scale = scaling_of(X, y, inputs=scaling[0], centre=scaling[1])
         scaled = Hyperparameters(
             tuple(low.tolist()), tuple(span.tolist()), mean, scale, (), (), float("nan"), 1.0
         )
-        return cls(X, y, grid, scaled, scaling[0] == "none", place, seed, max_evaluations)
+        return cls(X, y, grid, scaled, scaling[0] == "none", place, seed, max_evaluations, gain)
 
 
 def learn(
@@ -108,14 +111,15 @@ def learn(
                 form, coarse, first, coarse_rows, problem.max_evaluations, gain=COARSE_GAIN
             )
             first, used = near.parameters, used + near.evaluations
-    best = _maximise(form, objective, first, rows, problem.max_evaluations)
+    fine = {"gain": problem.gain}
+    best = _maximise(form, objective, first, rows, problem.max_evaluations, **fine)
     used += best.evaluations
     if problem.raw and start is None:
         # One length scale over inputs of different units has several optima: also
         # start from the widest input's range, and keep the likelier.
         reach = 0.5 * np.ptp(problem.X, axis=0).max(keepdims=True)
         wide = replace(start_parameters(form), length_scales=reach)
-        other = _maximise(form, objective, wide, rows, problem.max_evaluations)
+        other = _maximise(form, objective, wide, rows, problem.max_evaluations, **fine)
         used += other.evaluations
         if other.negative_log_likelihood < best.negative_log_likelihood:
             best = other

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import torch
@@ -114,7 +115,8 @@ def maximise(
     bounds = _free(form)
 
     def unpack(vector: FloatArray) -> Parameters:
-        values, used = {}, 0
+        values: dict[str, Any] = {}
+        used = 0
         for name in bounds:
             old = np.asarray(getattr(start, name), dtype=np.float64)
             new = np.exp(vector[used : used + old.size])

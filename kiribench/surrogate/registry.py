@@ -226,8 +226,9 @@ _ROWS = (
     ModelSpec(
         name="gp_kronecker",
         title="GP (Kronecker, ARD)",
-        description="Exact GP with a product kernel over designs and strains, one length scale "
-        "an input, on the design x strain grid.",
+        description="Exact GP with a product kernel over designs and strains: Matern 7/2 over a, b "
+        "and the angle about the corner (0, 100) %, Gaussian over strain; an error that a "
+        "curve's rows share; warp and spread chosen by left-out designs.",
         has_uncertainty=True,
         is_gp=True,
         in_paper=False,
@@ -254,7 +255,8 @@ _ROWS = (
     ModelSpec(
         name="gradient_boosting:paper",
         title="Gradient boosting (guess)",
-        description="scikit-learn's gradient boosting with settings that under-fit as table 1's.",
+        description="scikit-learn's gradient boosting with few shallow trees: lower, though "
+        "not as low as table 1.",
         has_uncertainty=False,
         is_gp=False,
         in_paper=True,
@@ -273,7 +275,8 @@ _ROWS = (
     ModelSpec(
         name="random_forest:paper",
         title="Random forest (guess)",
-        description="scikit-learn's random forest with settings that under-fit as table 1's.",
+        description="scikit-learn's random forest with trees of two levels: lower, though not "
+        "as low as table 1.",
         has_uncertainty=False,
         is_gp=False,
         in_paper=True,

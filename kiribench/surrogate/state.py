@@ -8,7 +8,8 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from kiribench.surrogate.exact_gp import ExactGP, GridState
+from kiribench.surrogate.closed_form import GridState
+from kiribench.surrogate.exact_gp import ExactGP
 from kiribench.surrogate.grid import DesignGrid
 from kiribench.surrogate.hyperparameters import Hyperparameters
 from kiribench.surrogate.registry import Regressor
