@@ -274,14 +274,15 @@ def _ligaments(
             if bridge.length > 1e-6:
                 place = bridge.centroid
                 found.append((bridge.length - kerf_mm, (place.x, place.y)))
+    near = 1.02 * reach  # so that the rim of what is left out is out of reach
     rings = [outline.exterior, *[window.exterior for window in windows]]
     tree = STRtree(lines)
     for ring in rings:
         for i in tree.query(ring, predicate="dwithin", distance=reach):
             line, edge = lines[i], ring
             mouths = [Point(p) for p in line.coords if ring.distance(Point(p)) < SAME_MM]
-            if mouths:  # a notch: the straight edge that it opens in is no bridge's end
-                edge = _without_edge_at(ring, mouths)
+            if mouths:  # a notch: what surrounds its own mouth is no bridge's other end
+                edge = ring.difference(shapely.union_all([m.buffer(near) for m in mouths]))
             if edge.is_empty:
                 continue
             bridge = shapely.shortest_line(line, edge)
@@ -289,14 +290,6 @@ def _ligaments(
                 place = bridge.centroid
                 found.append((bridge.length - kerf_mm, (place.x, place.y)))
     return found
-
-
-def _without_edge_at(ring: shapely.LinearRing, mouths: Sequence[Point]) -> shapely.Geometry:
-    """The ring less its straight pieces that hold one of the points."""
-    corners = shapely.get_coordinates(ring)
-    pieces = shapely.linestrings(np.stack([corners[:-1], corners[1:]], axis=1))
-    touched = np.any([shapely.distance(pieces, mouth) < SAME_MM for mouth in mouths], axis=0)
-    return shapely.multilinestrings(pieces[~touched])
 
 
 def _places(points: Sequence[tuple[float, float]]) -> str:

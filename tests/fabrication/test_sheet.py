@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from patch_cases import random_design
-from shapely import box
+from shapely import Polygon, box
 
+from kiribench.fabrication.hoops import Hoops
 from kiribench.fabrication.patch import PatchOptions, plan_patch
 from kiribench.fabrication.sheet import clean_slits, judge_sheet
 from kiribench.lattice import CutMap
@@ -69,12 +70,21 @@ def test_narrowest_ligament_is_the_lattices_gap_less_half_a_kerf(seed):
     """Compensated tips end where the design's do; only the other slit's width is lost."""
     design = random_design(seed, 4, 3)
     kerf = 0.2
-    slits = plan_patch(design, PatchOptions(kerf, None)).slits
-    ends = np.stack([slits.start_mm, slits.end_mm], axis=1)
-    sheet = judge_sheet(ends, box(0, 0, 45, 60), [], kerf_mm=kerf, ligament_mm=0.1)
     gap = CutMap(design.a, design.b, 15.0).minimum_gap_mm
-    assert sheet.ligament_mm == pytest.approx(gap - kerf / 2, abs=1e-9)
-    assert sheet.faults == ()
+    for hoops in (None, Hoops()):
+        plan = plan_patch(design, PatchOptions(kerf, hoops))
+        ends = np.array([s.points_mm for s in plan.part if s.role == "slit"])
+        rings = {
+            role: [Polygon(s.flattened()) for s in plan.part if s.role == role]
+            for role in ("outline", "slot")
+        }
+        sheet = judge_sheet(
+            ends, rings["outline"][0], rings["slot"], kerf_mm=kerf, ligament_mm=gap - kerf / 2
+        )
+        assert sheet.ligament_mm == pytest.approx(gap - kerf / 2, abs=1e-9)
+        assert sheet.faults == ()
+        short = judge_sheet(ends, rings["outline"][0], rings["slot"], kerf_mm=kerf, ligament_mm=gap)
+        assert _codes(short) == {"ligament-thin"}
 
 
 def test_doubles_overlaps_and_pieces():
