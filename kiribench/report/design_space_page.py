@@ -128,7 +128,7 @@ def _slices(space: DesignSpace, step: FloatArray, displacement: FloatArray) -> H
         tag("h2", "Slices"),
         figure_block(
             slices_figure(parts),
-            "Poisson's ratio (log) of each design at one load; the line is ν = 0. White: no "
+            "Poisson's ratio (log) of each design at one load; the line is ν = 0. Hatched: no "
             "answer, or not asked for."
             + (" At one displacement the strain differs from design to design." if sheet else ""),
         ),

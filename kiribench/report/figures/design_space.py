@@ -19,8 +19,14 @@ if TYPE_CHECKING:
 FloatArray = NDArray[np.float64]
 
 NU_LIMIT = 1.0
-"""The colours are symmetric about nu = 0 and end here: rotating squares have nu = -1. Slender
-facets go beyond; they get the last colour."""
+"""The colours are symmetric about nu = 0 and end at this or at the largest value drawn: rotating
+squares have nu = -1, slender facets of a cell reach -1.3. No colour stands for two values."""
+
+
+def nu_limit(nu: FloatArray) -> float:
+    """Where the colours end for these values of Poisson's ratio: at 1, or at the next tenth."""
+    largest = float(np.max(np.abs(nu), initial=0.0))
+    return max(NU_LIMIT, float(np.ceil(10 * largest - 1e-9)) / 10)
 
 
 def colours() -> Colormap:
@@ -45,9 +51,10 @@ def scatter_figure(
         figure = canvas(640, 500)
         axes: Any = figure.add_axes((0.0, 0.02, 0.84, 0.98), projection="3d")
         order = np.argsort(strain)  # the nearer ones last
+        limit = nu_limit(nu)
         axes.scatter(
-            strain[order], a[order], b[order], c=nu[order], cmap=colours(), vmin=-NU_LIMIT,
-            vmax=NU_LIMIT, s=7, linewidths=0, alpha=0.9, depthshade=False, rasterized=True,
+            strain[order], a[order], b[order], c=nu[order], cmap=colours(), vmin=-limit,
+            vmax=limit, s=7, linewidths=0, alpha=0.9, depthshade=False, rasterized=True,
         )  # fmt: skip
         axes.set_xlabel("longitudinal strain (log)", labelpad=6)
         axes.set_ylabel("a, %", labelpad=4)
@@ -61,7 +68,7 @@ def scatter_figure(
             axis.pane.set_edgecolor(LINE)
             axis._axinfo["grid"].update(color=LINE, linewidth=0.5)
         axes.tick_params(labelsize=9, colors=QUIET)
-        _key(figure, (0.88, 0.2, 0.024, 0.6))
+        _key(figure, (0.88, 0.2, 0.024, 0.6), limit, nu)
         return inline_svg(
             figure,
             name,
@@ -82,6 +89,8 @@ def slices_figure(
     side, gap, left, top, bottom = 178.0, 18.0, 44.0, 26.0, 46.0
     width = left + len(slices) * (side + gap) + 62
     height = top + side + bottom
+    every = np.concatenate([nu for *_, nu in slices])
+    limit = nu_limit(every)
     with drawing():
         figure = canvas(width, height)
         for k, (title, a, b, nu) in enumerate(slices):
@@ -93,14 +102,16 @@ def slices_figure(
                     side / height,
                 )
             )
-            _slice(axes, a, b, nu)
+            _slice(axes, a, b, nu, limit)
             axes.set_title(title, fontsize=10.5, color=INK, pad=6)
             axes.set_xlabel("a, %", labelpad=2)
             if k == 0:
                 axes.set_ylabel("b, %", labelpad=2)
             else:
                 axes.set_yticklabels([])
-        _key(figure, ((width - 50) / width, bottom / height, 12 / width, side / height))
+        _key(
+            figure, ((width - 50) / width, bottom / height, 12 / width, side / height), limit, every
+        )
         return inline_svg(
             figure,
             name,
@@ -109,18 +120,20 @@ def slices_figure(
         )
 
 
-def _slice(axes: Axes, a: FloatArray, b: FloatArray, nu: FloatArray) -> None:
+def _slice(axes: Axes, a: FloatArray, b: FloatArray, nu: FloatArray, limit: float) -> None:
     """One tile a design; its edges lie half-way to the neighbouring levels."""
     across, along = np.unique(a), np.unique(b)
     grid = np.full((len(along), len(across)), np.nan)
     grid[np.searchsorted(along, b), np.searchsorted(across, a)] = nu
-    axes.set_facecolor("#ffffff")
+    # Near nu = 0 the colours are nearly white: what is not there is hatched.
+    axes.patch.set(facecolor="#ffffff", edgecolor=QUIET, hatch="//////")
     axes.pcolormesh(
-        _edges(across), _edges(along), grid, cmap=colours(), vmin=-NU_LIMIT, vmax=NU_LIMIT,
+        _edges(across), _edges(along), grid, cmap=colours(), vmin=-limit, vmax=limit,
         rasterized=True, linewidth=0.15, edgecolors="face",
     )  # fmt: skip
-    if min(grid.shape) > 2 and np.isfinite(grid).all() and grid.min() < 0 < grid.max():
-        axes.contour(across, along, grid, levels=[0.0], colors=[INK], linewidths=1.1)
+    if min(grid.shape) > 2 and nu.min() < 0 < nu.max():
+        known = np.ma.masked_invalid(grid)
+        axes.contour(across, along, known, levels=[0.0], colors=[INK], linewidths=1.1)
     axes.tick_params(labelsize=8.5, length=3, colors=QUIET)
     if len(across) > 5:
         axes.set_xticks([0, 25, 50, 75, 100])
@@ -139,18 +152,20 @@ def _edges(levels: FloatArray) -> FloatArray:
     )
 
 
-def _key(figure: Figure, place: tuple[float, float, float, float]) -> None:
+def _key(
+    figure: Figure, place: tuple[float, float, float, float], limit: float, nu: FloatArray
+) -> None:
+    """The colours, as far as the values go."""
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import Normalize
 
     axes = figure.add_axes(place)
-    bar = figure.colorbar(
-        ScalarMappable(Normalize(-NU_LIMIT, NU_LIMIT), colours()),
-        cax=axes,
-        ticks=[-1, -0.5, 0, 0.5],
-    )
+    bar = figure.colorbar(ScalarMappable(Normalize(-limit, limit), colours()), cax=axes)
     bar.outline.set_linewidth(0)
-    axes.set_ylim(-NU_LIMIT, 0.6)
+    low = min(-0.1, float(np.floor(10 * nu.min() + 1e-9)) / 10)
+    high = max(0.1, float(np.ceil(10 * nu.max() - 1e-9)) / 10)
+    bar.set_ticks([tick for tick in (-1.5, -1.0, -0.5, 0.0, 0.5, 1.0) if low <= tick <= high])
+    axes.set_ylim(low, high)
     axes.tick_params(labelsize=9, length=3, colors=QUIET)
     axes.set_title("ν", fontsize=11, color=INK, pad=6)
 
@@ -169,16 +184,21 @@ def curves_figure(
         axes = figure.add_axes((0.11, 0.15, 0.74, 0.8))
         axes.set_facecolor("#ffffff")
         axes.axhline(0, color=LINE, linewidth=1)
-        shades = colours()
-        for label, strain, nu in curves:
-            colour = shades(0.5 + 0.5 * float(np.clip(nu[0] / NU_LIMIT, -1, 1)))
+        shades, limit = colours(), nu_limit(np.concatenate([nu for *_, nu in curves]))
+        for _label, strain, nu in curves:
+            colour = shades(0.5 + 0.5 * float(nu[0] / limit))
             plain = INK if abs(float(nu[0])) < 0.25 else colour
             axes.plot(strain, nu, color=plain, linewidth=1.8)
-            axes.annotate(
-                label, (float(strain[-1]), float(nu[-1])), xytext=(6, 0), va="center",
-                textcoords="offset points", fontsize=9.5, color=INK, annotation_clip=False,
-            )  # fmt: skip
         axes.set_xlim(left=0)
+        low, high = axes.get_ylim()
+        axes.set_ylim(low, high)
+        ends = np.array([nu[-1] for *_, nu in curves])
+        places = _apart(ends, 0.045 * (high - low))
+        for (label, strain, _nu), place in zip(curves, places, strict=True):
+            axes.text(
+                float(strain[-1]) + 0.012 * axes.get_xlim()[1], float(place), label,
+                va="center", fontsize=9.5, color=INK,
+            )  # fmt: skip
         axes.set_xlabel("longitudinal strain (log)")
         axes.set_ylabel("ν (log)")
         for side in ("top", "right"):
@@ -189,3 +209,18 @@ def curves_figure(
             name,
             "; ".join(f"{label}: nu {nu[0]:.2f} to {nu[-1]:.2f}" for label, _, nu in curves),
         )
+
+
+def _apart(values: FloatArray, gap: float) -> FloatArray:
+    """(n,) places for labels, near the values and at least ``gap`` apart."""
+    order = np.argsort(values)
+    places = values[order]
+    for _ in range(len(places)):
+        for k in range(1, len(places)):
+            lack = gap - (places[k] - places[k - 1])
+            if lack > 1e-12:
+                places[k - 1] -= 0.5 * lack
+                places[k] += 0.5 * lack
+    result = np.empty_like(places)
+    result[order] = places
+    return result

@@ -84,7 +84,7 @@ def sheet_animation(shapes: tuple[SheetShape, ...], title: str, *, width_px: int
             axes.set_xlim(-half, half)
             axes.set_ylim(0, length)
             axes.set_axis_off()
-            _draw(axes, shape, 0.3)
+            _draw(axes, shape, 0.6)
             figure.text(0.03, 1 - 6 / (tall + head), title, fontsize=11, color=INK, va="top")
             figure.text(
                 0.03, 1 - 24 / (tall + head), f"U = {shape.displacement_mm:.0f} mm", fontsize=11,
