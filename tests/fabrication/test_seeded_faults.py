@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from patch_cases import random_design, uniform_design
+from shapely import LineString, union_all
 
 from kiribench.errors import DataError
 from kiribench.fabrication.drawing import Drawing
@@ -94,19 +95,17 @@ def crossing(strokes):
 
 
 def thin(strokes):
-    """A slit grows by 3 mm at one tip, but touches nothing."""
-    i = _slit_at(strokes)
-    a, b = strokes[i].points_mm
-    others = [s.points_mm for s in strokes if s.role == "slit" and s is not strokes[i]]
-    way = (b - a) / np.linalg.norm(b - a)
-    from shapely import LineString, union_all
-
-    rest = union_all([LineString(o) for o in others])
-    for grow in np.arange(0.0, 8.0, 0.05):
-        room = LineString([a, b + grow * way]).distance(rest)
-        if room < 0.4:
-            return [*strokes[:i], polyline("slit", [a, b + grow * way]), *strokes[i + 1 :]]
-    raise AssertionError("no room to grow")
+    """A slit grows until it nearly touches another one: the first that can."""
+    slits = [i for i, s in enumerate(strokes) if s.role == "slit"]
+    for i in slits:
+        a, b = strokes[i].points_mm
+        way = (b - a) / np.linalg.norm(b - a)
+        rest = union_all([LineString(strokes[k].points_mm) for k in slits if k != i])
+        for grow in np.arange(0.0, 6.0, 0.1):
+            if 0.1 < LineString([a, b + grow * way]).distance(rest) < 0.4:
+                longer = polyline("slit", [a, b + grow * way])
+                return [*strokes[:i], longer, *strokes[i + 1 :]]
+    raise AssertionError("no slit that can grow")
 
 
 def outline_first(strokes):
