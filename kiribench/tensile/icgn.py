@@ -33,6 +33,9 @@ _ROOM = 4
 """Pixels that the points may move before the window is read again."""
 _CONTRAST = 3.0
 """Standard deviation of the grey levels (of 255) of a subset that shows something."""
+_HOPE_AFTER = 6
+_HOPE = 0.25
+"""A search that correlates no better than this after so many steps is given up."""
 _POLE = np.sqrt(3.0) - 2.0
 
 
@@ -347,7 +350,7 @@ def _match(
                 for k in range(p):
                     residual2 += (gain * (found[k] - mean_g) - (value[s, k] - mean_f)) ** 2
                 break
-            if iteration == iterations:
+            if iteration == iterations or (iteration >= _HOPE_AFTER and zncc[s] < _HOPE):
                 break
             gain = norm_f / norm_g
             right = np.zeros(6)

@@ -353,7 +353,7 @@ def _result(
             )
         )
     floor = float(np.median(sd[1:][np.isfinite(sd[1:])]))
-    check_order(frames.names, block[:, 0], load, declared.path, floor)
+    warnings += check_order(frames.names, along, load, declared.path, floor)
     notes = [*view.notes, *load.notes]
     if declared.still_px:
         unit = "mm" if view.unit_mm else "px"

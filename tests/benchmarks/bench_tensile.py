@@ -2,7 +2,8 @@
 
 ``.venv/bin/python tests/benchmarks/bench_tensile.py [frames]`` ends with 1 if the strain of the
 real frames is farther than .002 from the tracked reference, or if 100 frames of 12 Mpx take more
-than 60 s of wall time. The two programs of the first part take turns.
+than 60 CPU seconds, all threads together: on an idle machine the wall time is no longer. The two
+programs of the first part take turns.
 """
 
 from __future__ import annotations
@@ -127,7 +128,7 @@ def large_frames(count: int) -> bool:
         f"{wall:.1f} s wall, {spent:.1f} s CPU; {100 * test.measured.mean():.0f} % of readings, "
         f"largest error of log strain {error:.5f} (limit {LIMIT_S * count / FRAMES:.0f} s)"
     )
-    return wall < LIMIT_S * count / FRAMES
+    return spent < LIMIT_S * count / FRAMES
 
 
 if __name__ == "__main__":

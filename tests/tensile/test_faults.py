@@ -214,6 +214,23 @@ def test_a_foreign_picture_is_lost_not_guessed(folder: Path) -> None:
     assert test.measured[4].all()
 
 
+def test_a_step_back_at_the_end_is_a_warning(folder: Path) -> None:
+    change(folder, frames=[*NAMES[:3], NAMES[4], NAMES[3]])
+    test = measure_frames(folder)
+    assert [(fault.code, fault.severity) for fault in test.warnings] == [("frame-order", "warning")]
+    assert test.measured.all()
+
+
+def test_the_machine_contradicts_swapped_frames(folder: Path) -> None:
+    shutil.copy(EXAMPLE / "machine.csv", folder / "machine.csv")
+    content = json.loads((EXAMPLE / "tensile.json").read_text())
+    change(folder, load=content["load"], frame_times_s=content["frame_times_s"][:5])
+    assert measure_frames(folder).measured.all()
+    change(folder, frames=[*NAMES[:3], NAMES[4], NAMES[3]])
+    with pytest.raises(DataError, match="frame-order"):
+        measure_frames(folder)
+
+
 def test_an_unloading_test_is_declared(folder: Path) -> None:
     swap(folder)
     change(folder, path="any")

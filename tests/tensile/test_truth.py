@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 from tensile_tests import pulled_of, sheet_camera, sheet_of, speckle
@@ -240,6 +241,23 @@ def test_real_frames_in_one_step(tmp_path: Path) -> None:
     names = ("frame_00_ut151.png", "frame_15_ut196.png")
     test = measure_frames(linked(tmp_path / "jump", REAL, names))
     np.testing.assert_allclose(test.block_stretch[1] - 1, [0.03274, -0.01749], atol=5e-4)
+
+
+def test_a_video_is_read_like_its_pictures(tmp_path: Path) -> None:
+    names = [f"frame_{k:03d}.png" for k in range(0, 7, 2)]
+    pictures = [cv2.imread(str(EXAMPLE / name)) for name in names]
+    folder = linked(tmp_path / "video", EXAMPLE, ())
+    size = (pictures[0].shape[1], pictures[0].shape[0])
+    code = cv2.VideoWriter.fourcc(*"MJPG")
+    stream = cv2.VideoWriter(str(folder / "pull.avi"), code, 2.0, size)
+    for picture in pictures:
+        stream.write(picture)
+    stream.release()
+    test = measure_frames(folder)
+    assert test.frame == tuple(f"pull.avi#{k}" for k in range(4))
+    np.testing.assert_allclose(test.time_s, [0, 0.5, 1.0, 1.5])
+    stills = measure_frames(linked(tmp_path / "stills", EXAMPLE, tuple(names)))
+    np.testing.assert_allclose(test.strain(), stills.strain(), atol=TENSILE_STRAIN)
 
 
 @pytest.mark.slow
