@@ -361,3 +361,46 @@ ANGLE_DEFECT = 0.03
 
 REST_SPHERE_MM = 1e-6
 """mm: symmetry; Newton's method ends at 1e-10 of the stiffness times the cell."""
+
+# --- design of cuts ---
+
+OPTIMUM = 1e-7
+"""Fraction of the cell edge: Newton's method ends at steps below 1e-9, and the functions' own
+rounding moves a minimum by its square root, 1e-8."""
+
+BRUTE_STEP = 1e-3
+"""Fraction of the cell edge: the step of the brute-force grids; the global optimum can be better
+than the best grid point by up to a step, and never worse."""
+
+DIFFERENCE_SLOPE = 1e-6
+"""Fraction of the largest derivative: central differences with steps of 1e-4 on functions whose
+third derivatives are up to 1e3 err by 2e-6 of them."""
+
+AUTOGRAD = 1e-9
+"""Fraction of the largest derivative: closed forms against torch's differentiation; weights of a
+nearly noise-free process cancel some six digits."""
+
+ON_TARGET = 1e-8
+"""Of Poisson's ratio: points that Newton's method put onto a level curve."""
+
+BALANCED_NU = 2e-3
+"""Of Poisson's ratio: what the smoothness terms (neighbour_sd .5) may cost where targets and forces
+can be met together: (.01 / .5)^2 of differences of up to .8, times a slope of 1 to 4."""
+
+BALANCED_FORCE = 5e-3
+"""Of ln force: the same with force_sd .05."""
+
+# --- designs checked as worn ---
+
+SAME_ROUTE = 2e-3
+"""Overlap: a worn scan whose patch is projected along smoothed normals, against the same corners
+laid on the bare scan. On facets of 3 mm with mirror lines a side has two shortest paths, past
+either flank of a facet, and the two routes may take either (a perfect fit reads down to .998)."""
+
+FAST_OVERLAP = 0.006
+"""Overlap: polynomial charts and straight sides against geodesics, for corners up to a tenth of a
+cell off. Half a millimetre of either on facets of 3 mm changes a cell of 10 mm by so much; on the
+synthetic knees .0034 was found (rms .0007)."""
+
+PLACEMENT_MM = 0.12
+"""mm: a limit of placement is interpolated between solves at most .1 mm apart from it."""

@@ -1,0 +1,215 @@
+"""Twenty subjects, five designs each: what the worn model predicts. Run as a script; resumable.
+
+    python tests/benchmarks/study_twenty.py FOLDER [--methods uniform,paper,...] [--table]
+
+Three stored subjects and seventeen generated ones: varied build, asymmetry, shear (twist of the
+skin), hollows, scan and node noise. R001 to R007 may be looked at while building; R008 to R017
+are of another seed and were fixed before any of them was run. Each finished design is a line of
+FOLDER/study.tsv; a second run goes on with what is missing. `--table` prints the summary.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from kiribench.conformability.score import ScoreOptions
+from kiribench.dataset import Dataset
+from kiribench.design.methods import design_patch
+from kiribench.design.problem import problem_from_subject
+from kiribench.design.skin import skin_of
+from kiribench.design.surrogates import Surrogates
+from kiribench.design.worn import KneeModel, design_worn, worn_table
+from kiribench.lattice import CutMap
+from kiribench.reference.check import CheckOptions, KneeGround, check_design
+from kiribench.reference.export import check_object
+from kiribench.reference.fast_overlap import FastOverlap
+from kiribench.reference.side_by_side import best_uniform
+from kiribench.schema.design_space import read_design_space
+from kiribench.schema.patch_design import PatchDesign, read_design, write_design
+from kiribench.surrogate.keep import fit_table, save
+from kiribench.synthetic import STORED, Imperfections, Knee, random_knee, write_dataset
+
+METHODS = ("uniform", "paper", "balanced", "worn", "robust")
+SEEN, UNSEEN = (20261122, range(1, 8)), (4711, range(8, 18))
+CONFIRM = 16
+COLUMNS = (
+    "subject", "unseen", "method", "fair_paper", "good_paper", "mean_paper", "fair_strict",
+    "good_strict", "mean_strict", "fair_low", "fair_high", "least_paper", "causes",
+    "design_cpu_s", "check_cpu_s", "elements",
+)  # fmt: skip
+ROOT = Path(__file__).parents[2]
+
+
+def generated(seed: int, index: int) -> tuple[Knee, Imperfections]:
+    """A random knee with shear, hollows and noise beyond those of `random_knee`."""
+    knee = random_knee(index, seed)
+    rng = np.random.default_rng([seed, index, 1])
+    slide = replace(
+        knee.build.slide,
+        twist=float(rng.uniform(-6.0, 6.0)),
+        medial_excess=float(rng.uniform(-0.4, 0.4)),
+    )
+    deeper = float(rng.uniform(1.0, 1.6))
+    bumps = tuple(
+        replace(bump, height_mm=deeper * bump.height_mm) if bump.height_mm < 0 else bump
+        for bump in knee.build.bent.bumps
+    )
+    build = replace(knee.build, slide=slide, bent=replace(knee.build.bent, bumps=bumps))
+    flaws = Imperfections(
+        noise_mm=float(rng.choice([0.0, 0.05])),
+        node_noise_mm=float(rng.choice([0.0, 0.1, 0.25])),
+        seed=index,
+    )
+    return replace(knee, build=build), flaws
+
+
+def subjects() -> dict[str, tuple[bool, Path | None, tuple[Knee, Imperfections] | None]]:
+    """Label -> whether unseen, dataset where shipped, knee where generated."""
+    out: dict[str, tuple[bool, Path | None, tuple[Knee, Imperfections] | None]] = {}
+    for label in STORED:
+        out[label] = (False, ROOT / "data" / "synthetic", None)
+    for unseen, (seed, indices) in ((False, SEEN), (True, UNSEEN)):
+        for index in indices:
+            made = generated(seed, index)
+            out[made[0].label] = (unseen, None, made)
+    return out
+
+
+def surrogate(folder: Path) -> Surrogates:
+    """Of the shipped table of periodic cells, fitted once."""
+    path = folder / "gp.safetensors"
+    if not path.exists():
+        space = read_design_space(ROOT / "data/synthetic/design_space/cell.parquet", measure="log")
+        save(fit_table(space, "gp_kronecker", seed=0, device="cpu"), path)
+    return Surrogates.of(path)
+
+
+def done(folder: Path) -> set[tuple[str, str]]:
+    """Subject and method of the lines that are there."""
+    path = folder / "study.tsv"
+    if not path.exists():
+        path.write_text("\t".join(COLUMNS) + "\n", encoding="utf-8")
+    lines = path.read_text(encoding="utf-8").splitlines()[1:]
+    return {(line.split("\t")[0], line.split("\t")[2]) for line in lines}
+
+
+def run(folder: Path, methods: tuple[str, ...], only: tuple[str, ...]) -> None:
+    """Design and check what is missing."""
+    folder.mkdir(parents=True, exist_ok=True)
+    finished, models = done(folder), surrogate(folder)
+    for label, (unseen, root, made) in subjects().items():
+        wanted = [method for method in methods if (label, method) not in finished]
+        if not wanted or (only and label not in only):
+            continue
+        if made is not None:
+            root = folder / "data" / label
+            if not (root / "dataset_description.json").exists():
+                write_dataset(root, [made[0]], made[1])
+        assert root is not None
+        subject = Dataset.open(root).subject(label)
+        skin = skin_of(subject)
+        problem = problem_from_subject(subject, strain_measure="log")
+        ground = KneeGround(skin)
+        options = CheckOptions(elements=CONFIRM, score=ScoreOptions(samples=200))
+        model = KneeModel(skin)
+        for method in wanted:
+            began = time.process_time()
+            if method == "robust":
+                from kiribench.design.robust import design_robust
+
+                kept = read_design(folder / "designs" / label / "worn")
+                fast = FastOverlap.of(skin)
+                made_robust = design_robust(model, CutMap(kept.a, kept.b, kept.cell_mm),
+                                            fast.overlap)  # fmt: skip
+                design = worn_table(kept, made_robust, method="robust")
+            elif method == "worn":
+                start = design_patch("balanced", problem, models).design
+                found = design_worn(model, CutMap(start.a, start.b, start.cell_mm))
+                design = worn_table(start, found)
+            elif method == "uniform":
+                like = design_patch("uniform", problem, models).design
+                checked, _ = best_uniform(like, ground, replace(options, elements=6))
+                design = checked.design
+            else:
+                design = design_patch(method, problem, models).design
+            spent = time.process_time() - began
+            write_design(folder / "designs" / label / method, design)
+            line = judged(label, unseen, method, design, ground, options, spent)
+            with (folder / "study.tsv").open("a", encoding="utf-8") as table:
+                table.write(line + "\n")
+            print(line, flush=True)
+
+
+def judged(
+    label: str, unseen: bool, method: str, design: PatchDesign, ground: KneeGround,
+    options: CheckOptions, spent: float,
+) -> str:  # fmt: skip
+    """One line of the table."""
+    checked = check_design(design, ground, options)
+    content = check_object(checked)
+    share, whole = content["share"], checked.conformability.whole
+    causes = ",".join(f"{n} {name}" for name, n in content["cells_below_good"].items()) or "none"
+    values = (
+        share["paper"]["fair"], share["paper"]["good"], share["paper"]["mean"],
+        share["strict"]["fair"], share["strict"]["good"], share["strict"]["mean"],
+        whole.satisfactory_low, whole.satisfactory_high,
+        float(np.nanmin(checked.conformability.overlap_paper)),
+    )  # fmt: skip
+    words = [label, "yes" if unseen else "no", method, *(f"{value:.4f}" for value in values)]
+    return "\t".join(
+        [*words, causes, f"{spent:.1f}", f"{checked.cpu_seconds:.1f}", str(options.elements)]
+    )
+
+
+def summary(folder: Path) -> str:
+    """Markdown: mean over the subjects of each share, with a 95 % bootstrap interval."""
+    lines = (folder / "study.tsv").read_text(encoding="utf-8").splitlines()
+    rows = [dict(zip(COLUMNS, line.split("\t"), strict=True)) for line in lines[1:]]
+    rng = np.random.default_rng(0)
+    out = [
+        "| design | subjects | fair, paper | good, paper | mean, paper | fair, strict | "
+        "good, strict | mean, strict | all cells fair | good >= 95 % |",
+        "|---|---|---|---|---|---|---|---|---|---|",
+    ]
+    for which, words in (("all", ""), ("yes", ", unseen")):
+        for method in METHODS:
+            chosen = [
+                row for row in rows if row["method"] == method and which in ("all", row["unseen"])
+            ]
+            if not chosen:
+                continue
+            cells = []
+            for name in COLUMNS[3:9]:
+                values = np.array([float(row[name]) for row in chosen])
+                draws = rng.choice(values, (4000, len(values))).mean(axis=1)
+                low, high = np.quantile(draws, [0.025, 0.975])
+                if name.startswith("mean"):
+                    cells.append(f"{values.mean():.3f} [{low:.3f}, {high:.3f}]")
+                else:
+                    cells.append(f"{100 * values.mean():.1f} [{100 * low:.1f}, {100 * high:.1f}]")
+            fair = sum(float(row["fair_paper"]) == 1 for row in chosen)
+            good = sum(float(row["good_paper"]) >= 0.95 for row in chosen)
+            out.append(
+                f"| {method}{words} | {len(chosen)} | "
+                + " | ".join(cells)
+                + f" | {fair} | {good} |"
+            )
+    return "\n".join(out)
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--methods", default=",".join(METHODS))
+    parser.add_argument("--only", default="")
+    parser.add_argument("--table", action="store_true")
+    given = parser.parse_args()
+    if not given.table:
+        chosen_methods = tuple(given.methods.split(","))
+        run(given.folder, chosen_methods, tuple(filter(None, given.only.split(","))))
+    print(summary(given.folder))
