@@ -137,11 +137,11 @@ class _Newton:
                 self.reason = "the tangent is singular"
                 return None
             error_before, error = error, step.error
-            tolerance = self.tolerance if count < _SNAPPING else _SNAPPING_TOLERANCE
+            near = error < self.tolerance and raised == 0.0
+            snapping = count >= _SNAPPING and error < _SNAPPING_TOLERANCE
             if (
-                error < tolerance
+                (near or snapping)
                 and step.slope <= 0
-                and raised == 0.0
                 and np.isfinite(self.system.energy(x + step.move))
             ):
                 return x + step.move

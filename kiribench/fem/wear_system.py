@@ -300,6 +300,8 @@ def relax(system: WearSystem, start: FloatArray, other: Potential | None = None)
     q = start
     energy = total(q)
     tolerance = _RESIDUAL * system.mu_mpa * system.mesh.cut_map.cell_mm
+    # Close to equilibrium rounding decides the energy: such steps are taken.
+    noise = 1e-14 * (abs(energy) + system.mu_mpa * float(np.prod(system.mesh.cut_map.size_mm)))
     force = np.zeros((len(q), 3))
     reason = f"no equilibrium after {_MOST_ITERATIONS} iterations"
     if energy == np.inf:
@@ -328,8 +330,7 @@ def relax(system: WearSystem, start: FloatArray, other: Potential | None = None)
         step = -system.solve(residual)
         slope = float(np.sum(residual * step))
         size, trial = 1.0, total(q + step)
-        # Close to equilibrium the energy is decided by rounding: the residual judges then.
-        while not trial <= energy + 1e-4 * size * slope + 1e-13 * abs(energy):
+        while not trial <= energy + 1e-4 * size * slope + noise:
             size *= 0.5
             if size < _SMALLEST_STEP:
                 break

@@ -1,8 +1,8 @@
 """The worn patch against CalculiX on the same flat mesh; its cost on a knee, and how it grows.
 
-Run as a script: ``python tests/benchmarks/bench_wear.py [--repeats 3] [--growth] [--convergence]``. Ours and
-CalculiX (CPS8R on the same nodes) take turns on one thread; medians of processor time are
-compared. Exit code 1 where a bound is missed: 5 times less than CalculiX; one check of 12 x 6
+Run as a script: ``python tests/benchmarks/bench_wear.py [--repeats 3] [--growth]
+[--convergence]``. Ours and CalculiX (CPS8R on the same nodes) take turns on one thread; medians of
+processor time are compared. Exit code 1 where a bound is missed: 5 times less than CalculiX; one check of 12 x 6
 cells at 10 divisions a facet edge on a knee in 5 CPU s.
 """
 
