@@ -33,8 +33,10 @@ def _with(drawing: Drawing, change) -> Drawing:
     return replace(drawing, strokes=tuple(change(list(drawing.strokes))))
 
 
-def _slit_at(strokes: list[Stroke], k: int = 20) -> int:
-    return [i for i, stroke in enumerate(strokes) if stroke.role == "slit"][k]
+def _slit_at(strokes: list[Stroke]) -> int:
+    """The longest slit: none that opens in the outline."""
+    slits = [i for i, stroke in enumerate(strokes) if stroke.role == "slit"]
+    return max(slits, key=lambda i: strokes[i].length_mm)
 
 
 def _in_given_order(suffix: str, drawing: Drawing) -> str:
@@ -124,14 +126,14 @@ def shortened(strokes):
 
 
 def extra(strokes):
-    x, y = (*strokes[_slit_at(strokes)].points_mm.mean(axis=0), 1.9, 1.9)
+    x, y = strokes[_slit_at(strokes)].points_mm.mean(axis=0) + np.array([1.9, 1.9])
     return [polyline("slit", [(x - 0.5, y), (x + 0.5, y)]), *strokes]
 
 
 def overlapping(strokes):
     i = _slit_at(strokes)
     a, b = strokes[i].points_mm
-    half = polyline("slit", [(a + b) / 2, b + 0.1 * (b - a)])
+    half = polyline("slit", [(a + b) / 2, b + 0.02 * (b - a)])
     return [*strokes[:i], half, *strokes[i:]]
 
 
