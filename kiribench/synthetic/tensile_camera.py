@@ -56,7 +56,8 @@ class Camera:
         bent = (points_px - self.principal_px) / self.focal_px
         length = np.sqrt(np.sum(bent * bent, axis=1))
         radius = length.copy()
-        for _ in range(20 if self.k1 or self.k2 else 0):  # Newton on r (1 + k1 r^2 + k2 r^4) = length
+        # Newton on r (1 + k1 r^2 + k2 r^4) = length.
+        for _ in range(20 if self.k1 or self.k2 else 0):
             square = radius * radius
             value = radius * (1 + self.k1 * square + self.k2 * square * square) - length
             slope = 1 + 3 * self.k1 * square + 5 * self.k2 * square * square
