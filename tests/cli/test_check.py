@@ -1,0 +1,145 @@
+"""kiribench check on the small elbow: results, gates, tables, refusals, the page."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from elbow import elbow_design, elbow_root
+
+from kiribench.cli import main
+from kiribench.reference.export import COLUMNS
+from kiribench.schema.patch_design import write_design
+
+
+@pytest.fixture(scope="module")
+def design(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_design(tmp_path_factory.mktemp("design"), elbow_design(0.6, 0.6))
+
+
+@pytest.fixture
+def run(capsys: pytest.CaptureFixture[str]) -> Any:
+    def call(*tokens: object) -> tuple[int, str, str]:
+        capsys.readouterr()
+        exit_code = main(["check", *(str(token) for token in tokens), "--quiet"])
+        captured = capsys.readouterr()
+        return exit_code, captured.out, captured.err
+
+    return call
+
+
+QUICK = ("--elements-per-facet", "6", "--samples", "100", "--no-uniform", "--no-placement")
+
+
+def test_worn_with_everything(design: Path, run: Any, tmp_path: Path) -> None:
+    exit_code, out, err = run(
+        design, "--subject", elbow_root(), "--elements-per-facet", "8", "--samples", "100",
+        "--json", "--out", tmp_path, "--fail-under", "0.999999",
+    )  # fmt: skip
+    result = json.loads(out)
+    assert result["schema"] == "kiribench.check/1"
+    assert result["participant"] == "E1"
+    assert result["surface"] == "worn"
+    given, control = result["designs"]
+    assert (given["method"], control["method"]) == ("uniform", "best uniform")
+    assert control["share"]["paper"]["mean"] >= given["share"]["paper"]["mean"] - 0.01
+    assert list(given["table"][0]) == list(COLUMNS)
+    assert len(given["table"]) == 24
+    assert given["elements_per_facet"] == 8
+    assert given["mesh"]["coarser_elements_per_facet"] == 6
+    assert 0 < given["mesh"]["largest_overlap_error"] < 0.1
+    assert given["good"] + given["fair"] + given["poor"] == 24
+    # The gate is for the designs that were given, not for the control.
+    satisfactory = given["share"]["paper"]["fair"]
+    assert exit_code == (0 if satisfactory >= 0.999999 else 1)
+    assert result["passed"] == (exit_code == 0)
+    assert ("check-below-limit" in err) == (exit_code == 1)
+    placement = json.loads((tmp_path / "placement.json").read_text())
+    assert placement["schema"] == "kiribench.placement/1"
+    assert placement == given["placement"]
+    assert (tmp_path / "sub-E1_uniform_check.tsv").exists()
+    page = (tmp_path / "sub-E1_check.html").read_text()
+    for words in ("Predicted is not worn", "best uniform", "How exactly it has to be put on"):
+        assert words in page
+    assert "http://" not in page.replace("http://www.w3.org", "")
+
+
+def test_text_ends_with_a_verdict_that_says_predicted(design: Path, run: Any) -> None:
+    exit_code, out, _ = run(design, "--subject", elbow_root(), *QUICK)
+    assert exit_code == 0
+    last = out.strip().splitlines()[-1]
+    assert last.startswith("Verdict: 'uniform' is predicted, as worn")
+    assert last.endswith("nobody wore the patch.")
+    assert "coarsest there is" in out
+
+
+def test_flat_and_sticking(design: Path, run: Any) -> None:
+    exit_code, out, _ = run(design, "--subject", elbow_root(), "--surface", "flat", *QUICK)
+    assert exit_code == 0
+    assert "does not lie flat" in out
+    _, out, _ = run(
+        design, "--subject", elbow_root(), "--friction", "inf", *QUICK, "--json"
+    )  # fmt: skip
+    stuck = json.loads(out)["designs"][0]
+    # What sticks to the skin stays on it.
+    assert stuck["friction"] == "stick"
+    assert stuck["share"]["iou"]["mean"] > 0.995
+    assert stuck["errors"]["longitudinal_strain_largest"] < 0.02
+
+
+def test_a_pull_is_compared_with_a_table(design: Path, run: Any, tmp_path: Path) -> None:
+    table = tmp_path / "other.tsv"
+    rows = [f"{r}\t{c}\t1.2\t1.0" for r, c in np.ndindex(6, 4)]
+    table.write_text("row\tcol\tlongitudinal_stretch\tlateral_stretch\n" + "\n".join(rows) + "\n")
+    exit_code, out, _ = run(
+        design, "--surface", "flat", "--pull", "1.2", "--reference", table, *QUICK, "--json"
+    )
+    assert exit_code == 0
+    compared = json.loads(out)["designs"][0]["reference"]
+    assert compared["kind"] == "cells"
+    summary = compared["simulated_minus_given"]
+    assert summary["longitudinal_strain"]["count"] == 24
+    # Strapped at both ends, the patch is as long as it was pulled: on average along a column.
+    assert abs(summary["longitudinal_strain"]["mean"]) < 0.02
+    assert summary["lateral_strain"]["rms"] > 0.005
+
+
+def test_wrong_calls(design: Path, run: Any, tmp_path: Path) -> None:
+    for tokens, code, exit_code in (
+        ((design, "--surface", "worn"), "check-no-subject", 2),
+        ((design,), "check-no-target", 2),
+        ((design, "--reference", "tensile"), "check-no-tensile-data", 2),
+        ((design, "--data", tmp_path), "check-data-unused", 2),
+        ((design, "--fail-under", "2"), "fail-under-range", 2),
+        ((design, "--friction", "-1"), "friction-range", 2),
+        ((design, "--share", "0"), "share-range", 2),
+        ((design, "--surface", "flat", "--pull", "9"), "pull-range", 2),
+        ((design, "--subject", elbow_root(), "--elements-per-facet", "7"), "wear-mesh", 3),
+        ((tmp_path / "none.tsv",), "design-missing", 3),
+        (
+            (design, "--subject", elbow_root(), "--reference", tmp_path / "no.tsv"),
+            "reference-missing",
+            3,
+        ),
+    ):
+        got, _, err = run(*tokens)
+        assert code in err
+        assert got == exit_code
+
+
+def test_a_design_of_another_patch_is_refused(run: Any, tmp_path: Path) -> None:
+    other = elbow_design()
+    from dataclasses import replace
+
+    cut = {name: getattr(other, name)[:4] for name in ("a", "b", "region", "reason")}
+    path = write_design(tmp_path / "short", replace(other, **cut))
+    exit_code, _, err = run(path, "--subject", elbow_root(), *QUICK)
+    assert exit_code == 2
+    assert "check-shape" in err
+    path = write_design(tmp_path / "large", replace(other, cell_mm=15.0))
+    exit_code, _, err = run(path, "--subject", elbow_root(), *QUICK)
+    assert exit_code == 2
+    assert "check-cell" in err
