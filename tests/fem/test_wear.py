@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from curved_skins import Moved, Relabelled, Sphere, knee
@@ -20,6 +22,7 @@ from kiribench.fem.material import Ogden
 from kiribench.fem.patch import simulate_patch
 from kiribench.fem.surface_map import Cylinder, Plane, SurfaceJet
 from kiribench.fem.wear import WearSpec, WornPatch, wear_patch
+from kiribench.fem.wear_measures import BREAKING_STRETCH
 from kiribench.lattice import CutMap
 
 MU = 0.207
@@ -267,6 +270,12 @@ def test_crack_faces_that_pass_through_each_other_are_measured() -> None:
     for surface in (Plane(), Plane(-1.0, 1.0), Cylinder(40.0)):
         jet = surface.at(q)
         assert face_overlap(mesh, jet) == pytest.approx(0.25, rel=0.01)
+
+
+def test_the_breaking_stretch_is_the_last_row_of_the_tension_test() -> None:
+    path = Path(__file__).parents[1] / "data" / "dragon_skin_srmd" / "Dragon_Skin_20.csv"
+    last = path.read_text().strip().splitlines()[-1].split(";")
+    assert pytest.approx(1 + float(last[3]), abs=0.05) == BREAKING_STRETCH
 
 
 def test_what_cannot_be_modelled_is_refused() -> None:
