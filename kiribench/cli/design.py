@@ -11,7 +11,10 @@ from kiribench.cli.command import Common, Outcome
 from kiribench.errors import Fault, UsageError
 
 if TYPE_CHECKING:
+    from kiribench.design.limits import Limits
+    from kiribench.design.options import DesignOptions
     from kiribench.design.problem import DesignProblem
+    from kiribench.design.result import Designed
     from kiribench.design.surrogates import Surrogates
 
 SCHEMA = "kiribench.design/1"
@@ -22,7 +25,8 @@ def design(
     /,
     *,
     surrogate: Path,
-    method: Literal["paper", "exact", "balanced", "uniform"] = "exact",
+    method: Literal["paper", "exact", "balanced", "uniform", "worn", "robust"] = "exact",
+    start: Literal["balanced", "exact", "paper", "uniform"] | None = None,
     participant: Annotated[tuple[str, ...], Parameter(negative=())] = (),
     strain_measure: Literal["log", "engineering", "green"] | None = None,
     convert_measure: Annotated[bool, Parameter(negative=())] = False,
@@ -51,7 +55,7 @@ def design(
     TARGETS is a table of kiribench measure, a table with row, col, longitudinal_strain and
     poisson_ratio, or a dataset whose bare scans are measured here. With --out, writes
     sub-ID_design.tsv with its JSON for kiribench export and kiribench check, and design.html
-    with the figures. A cell that cannot meet its target gets the nearest cuts that there are,
+    with the figures (of several participants in folders sub-ID, without an id in patch). A cell that cannot meet its target gets the nearest cuts that there are,
     and says why; limits hold in every cell and every method.
 
     Parameters
@@ -63,7 +67,12 @@ def design(
     method
         paper: the paper's objective by CMA-ES. exact: the least cuts within the tolerance of
         each target. balanced: also equal force of cells in series and smooth neighbours; needs
-        a surrogate with the nominal stress. uniform: the best single pair, the control.
+        a surrogate with the nominal stress. uniform: the best single pair, the control. worn:
+        the corners of the patch as worn, simulated on the subject's flexed skin, put on their
+        nodes; robust: the same over errors of placement; both need a dataset.
+    start
+        Of worn and robust: the method to start from; balanced where the surrogate knows the
+        stress, else exact.
     participant
         With a dataset: id of a participant; may be given several times. All if absent.
     strain_measure
@@ -146,12 +155,19 @@ def design(
         denoise=denoise,
         quiet=common.quiet,
     )
-    results = [design_patch(method, problem, models, limits, options) for problem in problems]
+    if method == "worn" or method == "robust":
+        results = _on_skin(
+            method, targets, problems, models, limits, options, start, denoise, quiet=common.quiet
+        )
+    else:
+        results = [design_patch(method, problem, models, limits, options) for problem in problems]
     text = "\n\n".join(design_text(result) for result in results)
     files: list[str] = []
     if common.out is not None:
         for result in results:
+            # Without an id the table is design.tsv, and DIR/design.json is this command's own.
             part = f"sub-{result.design.participant}" if len(results) > 1 else ""
+            part = part if result.design.participant else "patch"
             files.append(str(write_design(common.out / part, result.design)))
             if figures:
                 from kiribench.report.design_page import write_design_report
@@ -169,6 +185,51 @@ def design(
         faults=_warnings(problems),
         inputs=(surrogate, *(path for problem in problems for path in problem.files)),
     )
+
+
+def _on_skin(
+    method: str,
+    targets: Path,
+    problems: list[DesignProblem],
+    models: Surrogates,
+    limits: Limits,
+    options: DesignOptions,
+    start: str | None,
+    denoise: Any,
+    *,
+    quiet: bool,
+) -> list[Designed]:
+    """The methods that wear the patch on the subject's flexed skin."""
+    from functools import partial
+
+    from kiribench.cli.progress import progress
+    from kiribench.dataset import Dataset
+    from kiribench.design.on_skin import design_on_skin
+    from kiribench.design.skin import skin_of
+    from kiribench.reference.fast_overlap import FastOverlap
+
+    if not targets.is_dir():
+        raise UsageError(
+            "design-needs-skin",
+            "This method wears the patch on the subject's skin, which a table does not hold.",
+            remedy="Give the dataset's folder instead of the table.",
+            file=targets,
+        )
+    root = targets.parent if targets.name.startswith("sub-") else targets
+    results = []
+    for problem in problems:
+        skin = skin_of(Dataset.open(root).subject(problem.participant), denoise=denoise)
+        overlap = None
+        if method == "robust":
+            overlap = partial(FastOverlap.of(skin).overlap, definition="paper")
+        with progress(f"wearing {problem.participant}", quiet=quiet) as advance:
+            results.append(
+                design_on_skin(
+                    method, problem, models, skin, limits, options,
+                    start=start, overlap=overlap, progress=advance,
+                )
+            )  # fmt: skip
+    return results
 
 
 def _problems(

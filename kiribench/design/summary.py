@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kiribench.design.methods import METHODS
+from kiribench.design.on_skin import KNEE_METHODS
 from kiribench.design.result import REASONS, Designed
 
 FloatArray = NDArray[np.float64]
@@ -68,7 +69,7 @@ def design_text(result: Designed) -> str:
     aimed = told["with_target"]
     lines = [
         f"{who}: {told['rows']} x {told['columns']} cells, {told['method']} "
-        f"({METHODS.get(told['method'], '')}), {told['strain_measure']} strain, "
+        f"({(METHODS | KNEE_METHODS).get(told['method'], '')}), {told['strain_measure']} strain, "
         f"{told['cpu_seconds']:.2f} CPU s.",
         f"  cuts across the pull (a) {_span(told['a_percent'])} %, along it (b) "
         f"{_span(told['b_percent'])} % of {result.design.cell_mm:g} mm; longest allowed "

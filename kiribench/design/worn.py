@@ -82,8 +82,15 @@ class WornOptions:
 class WornModel(Protocol):
     """What carries a cut map to corner positions; :class:`KneeModel` or a stand-in of it."""
 
-    target_q_mm: FloatArray
-    weight: FloatArray
+    @property
+    def target_q_mm(self) -> FloatArray:
+        """(R+1, C+1, 2) where the corners belong, skin coordinates."""
+        ...
+
+    @property
+    def weight(self) -> FloatArray:
+        """(R+1, C+1) 1 where the skin node was seen, else 0."""
+        ...
 
     def worn(self, cut_map: CutMap, elements: int) -> WornPatch:
         """The patch in equilibrium."""
@@ -413,7 +420,6 @@ def newton_in_box(
 
 def worn_table(start: PatchDesign, found: WornDesign, *, method: str = "worn") -> PatchDesign:
     """The design as a table: the targets of the start, the new cuts, no surrogate's prediction."""
-    last = found.iterations[-1]
     kept = {
         name: values
         for name, values in start.quantities.items()
@@ -428,27 +434,35 @@ def worn_table(start: PatchDesign, found: WornDesign, *, method: str = "worn") -
         file=None,
         settings={
             "Limits": found.limits.as_dict(start.cell_mm),
-            "Worn": {
-                "Start": start.method,
-                "Steps": len([one for one in found.iterations if one.step > 0]),
-                "Levels": [list(level) for level in found.options.levels],
-                "BarrierMm2": found.options.barrier_mm2,
-                "SmoothnessMm2": found.options.smoothness_mm2,
-                "Trust": found.options.trust,
-                "RmsMm": last.rms_mm,
-                "WorstMm": last.worst_mm,
-                "AtBounds": found.at_bounds,
-                "Stopped": found.reason,
-                "Iterations": [
-                    {
-                        "Elements": one.elements,
-                        "RmsMm": one.rms_mm,
-                        "WorstMm": one.worst_mm,
-                        "ObjectiveMm2": one.objective_mm2,
-                        "Step": one.step,
-                    }
-                    for one in found.iterations
-                ],
-            },
+            "MethodSettings": worn_settings(found, start.method),
         },
     )
+
+
+def worn_settings(found: WornDesign, start: str) -> dict[str, Any]:
+    """What the sidecar says of a worn design: settings, and every iteration."""
+    last = found.iterations[-1]
+    return {
+        "Start": start,
+        "Steps": len([one for one in found.iterations if one.step > 0]),
+        "Levels": [list(level) for level in found.options.levels],
+        "BarrierMm2": found.options.barrier_mm2,
+        "SmoothnessMm2": found.options.smoothness_mm2,
+        "Trust": found.options.trust,
+        "RmsMm": last.rms_mm,
+        "WorstMm": last.worst_mm,
+        "AtBounds": found.at_bounds,
+        "Stopped": found.reason,
+        "Iterations": [
+            {
+                "Elements": one.elements,
+                "RmsMm": one.rms_mm,
+                "WorstMm": one.worst_mm,
+                "ObjectiveMm2": one.objective_mm2,
+                "Step": one.step,
+                "APercent": np.round(100 * one.a, 2).tolist(),
+                "BPercent": np.round(100 * one.b, 2).tolist(),
+            }
+            for one in found.iterations
+        ],
+    }

@@ -97,7 +97,7 @@ def _head(checked: Sequence[CheckedDesign], synthetic: bool) -> Html:
         tag("h1", f"{first.design.participant or 'Patch'} ", tag("span", where, class_="quiet")),
         tag("p", PREDICTED_NOTE, class_="flag"),
         tag("p", SYNTHETIC_NOTE, class_="flag") if synthetic else None,
-        tag("p", check_verdict(checked), class_="verdict"),
+        tag("p", check_verdict(checked, note=False), class_="verdict"),
     )
 
 
@@ -375,10 +375,10 @@ def _placement(
 
 def _course(checked: Sequence[CheckedDesign]) -> Html | None:
     courses = [
-        (one.design.method, one.design.settings["Worn"]["Iterations"])
+        (one.design.method, one.design.settings["MethodSettings"]["Iterations"])
         for one in checked
-        if isinstance(one.design.settings.get("Worn"), dict)
-        and one.design.settings["Worn"].get("Iterations")
+        if isinstance(one.design.settings.get("MethodSettings"), dict)
+        and isinstance(one.design.settings["MethodSettings"].get("Iterations"), list)
     ]
     if not courses:
         return None

@@ -10,8 +10,13 @@ from kiribench.report.words import listing, percent
 PREDICTED_NOTE = "Predicted is not worn: all of this was simulated, and nobody wore the patch."
 
 
-def check_verdict(checked: Sequence[CheckedDesign]) -> str:
-    """One or two sentences: the best design, the others, and what limits it."""
+def check_verdict(checked: Sequence[CheckedDesign], *, note: bool = True) -> str:
+    """One or two sentences: the best design, the others, and what limits it.
+
+    Args:
+        checked: designs of one patch on one ground.
+        note: end with ``PREDICTED_NOTE``.
+    """
     ranked = sorted(
         checked,
         key=lambda one: (
@@ -24,7 +29,7 @@ def check_verdict(checked: Sequence[CheckedDesign]) -> str:
     whole = best.conformability.whole
     if whole.satisfactory is None:
         return "No cell of the patch could be scored."
-    where = "worn" if best.ground.kind == "worn" else "in the plane"
+    where = "as worn" if best.ground.kind == "worn" else "in the plane"
     words = (
         f"'{best.design.method}' is predicted, {where}, to be at least fair in "
         f"{percent(whole.satisfactory)} and good in {percent(whole.good / whole.scored)} of "
@@ -39,7 +44,7 @@ def check_verdict(checked: Sequence[CheckedDesign]) -> str:
     limits = sorted({cause for cause, share in limiting(best).items() if share > 0})
     if limits:
         words += f" What is left in its cells that are not good is {listing(limits)}."
-    return f"{words} {PREDICTED_NOTE}"
+    return f"{words} {PREDICTED_NOTE}" if note else words
 
 
 def limiting(checked: CheckedDesign) -> dict[str, int]:

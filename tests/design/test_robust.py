@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -68,7 +69,7 @@ def test_it_gains_on_average_and_never_loses() -> None:
     found = design_robust(model, start, overlap)
     objective = [one.objective_mm2 for one in found.iterations]
     assert objective[-1] < 0.5 * objective[0]
-    assert all(after < before for before, after in zip(objective[:-1], objective[1:], strict=True))
+    assert all(after < before for before, after in pairwise(objective))
     spread = Spread()
     mean = []
     for cut_map in (start, found.cut_map):

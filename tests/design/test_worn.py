@@ -196,5 +196,5 @@ def test_the_table_keeps_the_targets_and_no_prediction() -> None:
     assert table.method == "worn"
     assert set(table.quantities) == {"target_poisson_ratio"}
     assert np.array_equal(table.a, found.cut_map.a)
-    assert table.settings["Worn"]["Start"] == "balanced"
-    assert table.settings["Worn"]["RmsMm"] == found.iterations[-1].rms_mm
+    assert table.settings["MethodSettings"]["Start"] == "balanced"
+    assert table.settings["MethodSettings"]["RmsMm"] == found.iterations[-1].rms_mm

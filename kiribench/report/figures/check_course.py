@@ -10,6 +10,7 @@ from kiribench.report.palette import ACCENT, INK, LINE, PATCH, QUIET
 from kiribench.report.svg import canvas, drawing, inline_svg
 
 WIDTH, HEIGHT = 560.0, 300.0
+TICKS = tuple(digit * 10.0**power for power in range(-6, 3) for digit in (1, 2, 5))
 
 
 def course_figure(iterations: Sequence[Mapping[str, Any]], *, name: str, method: str) -> Html:
@@ -52,6 +53,9 @@ def course_figure(iterations: Sequence[Mapping[str, Any]], *, name: str, method:
             axes.spines[side].set_visible(False)
         axes.tick_params(colors=INK, labelsize=9)
         axes.minorticks_off()
+        low, high = axes.get_ylim()
+        shown = [tick for tick in TICKS if low <= tick <= high]
+        axes.set_yticks(shown, [f"{tick:g}" for tick in shown])
         return inline_svg(
             figure,
             name,

@@ -1,0 +1,108 @@
+"""The methods of design that know the skin: `worn` and `robust`, from a start of the others."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from kiribench.design.cells import cells_of
+from kiribench.design.judge import designed
+from kiribench.design.limits import Limits
+from kiribench.design.methods import design_patch
+from kiribench.design.options import DesignOptions
+from kiribench.design.problem import DesignProblem
+from kiribench.design.reachable import reachable
+from kiribench.design.result import Designed
+from kiribench.design.robust import Overlap, design_robust
+from kiribench.design.skin import Skin
+from kiribench.design.surrogates import Surrogates
+from kiribench.design.worn import KneeModel, design_worn, worn_settings
+from kiribench.errors import UsageError
+from kiribench.lattice import CutMap
+
+KNEE_METHODS: dict[str, str] = {
+    "worn": "corners of the simulated worn patch on their nodes, by Gauss-Newton",
+    "robust": "the same, good on average over errors of placement and of the nodes",
+}
+#: Confirmed on a mesh that the design has not seen.
+CONFIRM_ELEMENTS = 16
+
+
+def design_on_skin(
+    method: str,
+    problem: DesignProblem,
+    surrogates: Surrogates,
+    skin: Skin,
+    limits: Limits | None = None,
+    options: DesignOptions | None = None,
+    *,
+    start: str | None = None,
+    overlap: Overlap | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> Designed:
+    """Design with the worn model of a subject's flexed skin.
+
+    Args:
+        method: a key of :data:`KNEE_METHODS`.
+        problem, surrogates: of the start, and of what the table says beside the cuts.
+        skin: the flexed skin.
+        start: method of the start; None is ``balanced`` where the surrogate knows the stress,
+            else ``exact``.
+        overlap: for ``robust``: corners in skin coordinates to overlaps.
+        progress: called with (done, total) steps.
+
+    Raises:
+        UsageError: the method is unknown, or ``robust`` without ``overlap``.
+        NotConvergedError: the start has no equilibrium on the skin.
+    """
+    if method not in KNEE_METHODS or (method == "robust" and overlap is None):
+        raise UsageError(
+            "method-unknown",
+            "There is no such method of design on the skin.",
+            remedy="Choose one of the methods named; robust needs the overlap.",
+            got=method,
+            expected=", ".join(KNEE_METHODS),
+        )
+    limits, options = limits or Limits(), options or DesignOptions()
+    begin = start or ("exact" if surrogates.poisson.stress is None else "balanced")
+    first = design_patch(begin, problem, surrogates, limits, options)
+    model = KneeModel(skin)
+    found = design_worn(
+        model, CutMap(first.design.a, first.design.b, problem.cell_mm), limits, progress=progress
+    )
+    seconds = first.cpu_seconds + found.cpu_seconds
+    settings = worn_settings(found, begin)
+    if method == "robust" and overlap is not None:
+        found = design_robust(model, found.cut_map, overlap, limits)
+        seconds += found.cpu_seconds
+        settings = worn_settings(found, "worn")
+    confirmed = model.worn(found.cut_map, CONFIRM_ELEMENTS)
+    apart = np.linalg.norm(confirmed.corner_q_mm - model.target_q_mm, axis=-1)[model.weight > 0]
+    rms = float(np.sqrt((apart**2).mean()))
+    settings["Confirmed"] = {
+        "Elements": CONFIRM_ELEMENTS,
+        "RmsMm": rms,
+        "WorstMm": float(apart.max()),
+        "Status": confirmed.status,
+    }
+    cells = cells_of(problem, surrogates, limits, options)
+    cuts = np.stack([found.cut_map.a, found.cut_map.b], axis=-1)
+    result = designed(
+        method,
+        cells,
+        cuts,
+        reachable(cells.poisson, cells.high),
+        settings=settings,
+        cpu_seconds=seconds + confirmed.cpu_seconds,
+        notes=(
+            f"On the skin, simulated: corners {rms:.2f} mm (rms) from their nodes, "
+            f"{apart.max():.2f} mm at most, on a mesh of {CONFIRM_ELEMENTS} elements a facet edge "
+            "that the design has not seen. Predicted is not worn.",
+            f"{found.at_bounds} of {2 * found.cut_map.a.size} cuts are at a bound.",
+        ),
+    )
+    # What a uniform sheet of such cuts would do is beside the point here.
+    reason = np.where(result.design.reason == "method-compromise", "", result.design.reason)
+    return replace(result, design=replace(result.design, reason=reason))
