@@ -55,8 +55,9 @@ def design(
     TARGETS is a table of kiribench measure, a table with row, col, longitudinal_strain and
     poisson_ratio, or a dataset whose bare scans are measured here. With --out, writes
     sub-ID_design.tsv with its JSON for kiribench export and kiribench check, and design.html
-    with the figures (of several participants in folders sub-ID, without an id in patch). A cell that cannot meet its target gets the nearest cuts that there are,
-    and says why; limits hold in every cell and every method.
+    with the figures (of several participants in folders sub-ID, without an id in patch). A cell
+    that cannot meet its target gets the nearest cuts that there are, and says why; limits hold
+    in every cell and every method.
 
     Parameters
     ----------

@@ -58,7 +58,7 @@ class Balanced:
 
 
 @dataclass(frozen=True, eq=False)
-class _Terms:
+class Terms:
     """The parts of the sum: cells with a target, cells in series, pairs of neighbours."""
 
     nu: Response
@@ -92,7 +92,7 @@ def balance(cells: Cells, span: Reachable) -> Balanced:
     Raises:
         UsageError: the surrogate has no stress.
     """
-    terms = _terms(cells, span)
+    terms = terms_of(cells, span)
     x = _start(terms, cells.high)
     x, objective = _descend(terms, x, cells.high)
     log_stress = terms.log_strain + terms.stress.jet(x[terms.stress_cell]).value
@@ -101,7 +101,8 @@ def balance(cells: Cells, span: Reachable) -> Balanced:
     return Balanced(x, full, terms.force_of(log_stress), tuple(objective))
 
 
-def _terms(cells: Cells, span: Reachable) -> _Terms:
+def terms_of(cells: Cells, span: Reachable) -> Terms:
+    """The sum's parts; raises where the surrogate has no stress."""
     problem, options = cells.problem, cells.options
     model = cells.surrogates.poisson.stress
     if model is None:
@@ -124,7 +125,7 @@ def _terms(cells: Cells, span: Reachable) -> _Terms:
             np.column_stack([index[:, :-1].ravel(), index[:, 1:].ravel()]),
         ]
     )
-    return _Terms(
+    return Terms(
         nu=cells.poisson,
         nu_cell=cells.place,
         target=span.nearest(cells.target),
@@ -142,7 +143,7 @@ def _terms(cells: Cells, span: Reachable) -> _Terms:
     )
 
 
-def _start(terms: _Terms, high: float) -> FloatArray:
+def _start(terms: Terms, high: float) -> FloatArray:
     """(N, 2): in each column the force, and for it the cuts, that cost least on a grid."""
     ticks = np.linspace(0.0, high, 1 + max(2, round(high / COARSE)))
     grid = np.stack(np.meshgrid(ticks, ticks, indexing="ij"), axis=-1).reshape(-1, 2)
@@ -183,10 +184,10 @@ def _start(terms: _Terms, high: float) -> FloatArray:
     return x
 
 
-def _descend(terms: _Terms, x: FloatArray, high: float) -> tuple[FloatArray, list[float]]:
+def _descend(terms: Terms, x: FloatArray, high: float) -> tuple[FloatArray, list[float]]:
     """Levenberg-Marquardt within the box; the objective after each accepted step."""
     damping = 1e-2
-    value, slope, matrix = _quadratic(terms, x)
+    value, slope, matrix = quadratic(terms, x)
     history = [value]
     for _ in range(ITERATIONS):
         flat = x.ravel()
@@ -197,7 +198,7 @@ def _descend(terms: _Terms, x: FloatArray, high: float) -> tuple[FloatArray, lis
         step = np.zeros_like(flat)
         step[free] = _solve(matrix, slope, free, len(flat), damping)
         trial = np.clip(flat + np.clip(step, -0.1, 0.1), 0.0, high).reshape(-1, 2)
-        new = _quadratic(terms, trial)
+        new = quadratic(terms, trial)
         if new[0] < value:
             gained = value - new[0]
             x, (value, slope, matrix) = trial, new
@@ -212,8 +213,8 @@ def _descend(terms: _Terms, x: FloatArray, high: float) -> tuple[FloatArray, lis
     return x, history
 
 
-def _quadratic(terms: _Terms, x: FloatArray) -> tuple[float, FloatArray, csc_array]:
-    """Half of nothing: the sum, its slope by the cuts, and its Gauss-Newton matrix.
+def quadratic(terms: Terms, x: FloatArray) -> tuple[float, FloatArray, csc_array]:
+    """The sum, its slope by the cuts, and half its Gauss-Newton matrix.
 
     The columns' forces are at their best (means) in the sum and the slope; in the matrix they
     are further unknowns behind the cuts, which keeps it sparse.

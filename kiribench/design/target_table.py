@@ -288,7 +288,7 @@ def _words(
 ) -> NDArray[np.str_]:
     words = np.full(shape, "", dtype="<U64")
     if name in frame.columns:
-        column = frame[name].fillna("").astype(str).str.strip()
+        column = frame[name].astype(object).where(frame[name].notna(), "").astype(str).str.strip()
         words[at] = column.where(~column.str.lower().isin(["n/a", "nan"]), "").to_numpy(dtype=str)
     return words
 
