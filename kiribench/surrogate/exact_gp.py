@@ -41,7 +41,7 @@ class ExactGP(RegressorMixin, BaseEstimator):  # type: ignore[misc]
 
     Fitted attributes: ``hyperparameters_`` (:class:`Hyperparameters`), ``structure_``
     (``"grid"``, ``"resampled"`` or ``"dense"``), ``resampling_rms_`` (targets' unit, the
-    cost of resampling), ``evaluations_`` (likelihoods computed),
+    cost of resampling), ``evaluations_`` (likelihoods of all rows computed),
     ``log_marginal_likelihood_`` (of the rows, or of the resampled grid).
     """
 

@@ -101,12 +101,11 @@ class PaperGP(ExactGP):
 
         inputs = torch.as_tensor(problem.scaled.scale_inputs(problem.X), device=problem.place)
         values = torch.as_tensor(problem.scaled.scale_targets(problem.y), device=problem.place)
-        used = 0
         if start is not None:
             starts = [start]
         else:
             tried = starts_of(form)
-            starts, used = [likeliest(coarse_objective(problem, form), tried)], len(tried)
+            starts = [likeliest(coarse_objective(problem, form), tried)]
             if problem.raw:  # several optima: see learning
                 wide = 0.5 * np.ptp(problem.X, axis=0).max(keepdims=True)
                 starts.append(replace(start_parameters(form), length_scales=wide))
@@ -123,4 +122,4 @@ class PaperGP(ExactGP):
             signal_variance=best.signal_variance,
             noise_ratio=best.noise_ratio,
         )
-        return learnt, used + sum(one.evaluations for one in found)
+        return learnt, sum(one.evaluations for one in found)

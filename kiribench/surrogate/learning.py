@@ -85,7 +85,7 @@ def learn(
 
     Returns:
         What was learnt, its signal variance NaN (it follows from conditioning on all rows), and
-        the number of likelihoods.
+        the number of likelihoods of all rows (those of a part are cheap).
     """
     if problem.grid is None:
         rows = len(problem.y)
@@ -100,20 +100,18 @@ def learn(
             # A few designs tell nearly as much about the kernel, at a hundredth of the cost.
             few = _some_designs(whole, COARSE_DESIGNS, problem.seed)
             coarse, coarse_rows = _grid_objective(problem, form, few), int(few.observed.sum())
-    used = 0
     first = start
     if first is None:
         starts = starts_of(form)
         first = likelihood.likeliest(coarse or coarse_objective(problem, form), starts)
-        used = len(starts)
         if coarse is not None and coarse_rows:
             near = _maximise(
                 form, coarse, first, coarse_rows, problem.max_evaluations, gain=COARSE_GAIN
             )
-            first, used = near.parameters, used + near.evaluations
+            first = near.parameters
     fine = {"gain": problem.gain}
     best = _maximise(form, objective, first, rows, problem.max_evaluations, **fine)
-    used += best.evaluations
+    used = best.evaluations
     if problem.raw and start is None:
         # One length scale over inputs of different units has several optima: also
         # start from the widest input's range, and keep the likelier.

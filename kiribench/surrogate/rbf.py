@@ -21,9 +21,8 @@ class RadialBasis(RegressorMixin, BaseEstimator):  # type: ignore[misc]
 
     The polynomial that the kernel wants is singular among rows of which all share a column's
     value: an input of two values, say, among near neighbours. Then all rows take part where
-    they are no more than ``max_rows``, and if that is singular as well (columns that depend on
-    each other), the linear kernel with a constant, which needs no slopes. ``solved_by_`` says
-    which it was.
+    they are no more than ``max_rows``, and else (or where that is singular as well) the linear
+    kernel with a constant, which needs no slopes. ``solved_by_`` says which it was.
 
     Args:
         kernel: one of scipy's that needs no length scale.
