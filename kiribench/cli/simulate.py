@@ -22,6 +22,7 @@ def simulate(
     steps: str | None = None,
     mesh_mm: float | None = None,
     mesh_error: float | None = None,
+    most_iterations: int | None = None,
     jobs: int = 1,
     scheduler: str | None = None,
     from_table: Path | None = None,
@@ -42,7 +43,7 @@ def simulate(
     ----------
     model
         cell: the periodic cell, an infinite sheet. sheet: the paper's 220 x 120 mm sheet
-        with grips, some twenty times the cost.
+        with grips, some fifty times the cost.
     designs
         paper: the 441 of the paper. Or pairs of cut lengths in percent of the cell (across,
         along the pull), such as "35,85;90,90". Or a CSV or TSV file with the columns
@@ -58,6 +59,9 @@ def simulate(
         A design whose estimated mesh error of Poisson's ratio exceeds this is computed again
         with edges 0.7 times as long, up to three times. By default 0.01; with --mesh-mm no
         design is, unless this is given too.
+    most_iterations
+        Newton iterations for one design, by default 1500 (most need 50); the steps not reached
+        then are not-converged. Started again with more, the command takes up these designs.
     jobs
         Processes on this machine.
     scheduler
@@ -91,9 +95,14 @@ def simulate(
     from kiribench.fem.campaign import run_campaign
     from kiribench.fem.campaign_settings import CampaignSettings
     from kiribench.fem.campaign_words import read_designs, read_steps
+    from kiribench.fem.equilibrium import MOST_WORK
 
     settings = CampaignSettings.of(
-        model, None if steps is None else read_steps(steps), mesh_mm, mesh_error
+        model,
+        None if steps is None else read_steps(steps),
+        mesh_mm,
+        mesh_error,
+        MOST_WORK if most_iterations is None else most_iterations,
     )
     asked, files = read_designs(designs)
     with progress("simulating", quiet=common.quiet) as show:
@@ -151,7 +160,8 @@ def _faults(campaign: Campaign) -> tuple[Fault, ...]:
             "design-incomplete",
             f"Design {piece.design.name} has no answer for {_without(piece.status)} steps: "
             f"{piece.reason}.",
-            "Use smaller --steps or another --mesh-mm; the rows with status ok are valid.",
+            "Use smaller --steps, another --mesh-mm or more --most-iterations; the rows with "
+            "status ok are valid.",
             file=str(campaign.table),
         )
         for piece in campaign.incomplete[:_MOST_NAMED]

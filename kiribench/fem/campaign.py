@@ -205,10 +205,11 @@ def _short(value: object) -> str:
 
 
 def _answers(piece: Piece, settings: CampaignSettings) -> bool:
-    """The piece is what would be computed: settings, version, and a mesh that is fine enough."""
+    """The piece is what would be computed: settings, version, mesh fine enough, work allowed."""
     return (
         piece.fingerprint == settings.fingerprint
         and not piece.crashed
+        and (piece.reason is None or piece.most_work >= settings.most_work)
         and not piece.needs_refinement(settings.mesh_error_limit)
     )
 
@@ -244,6 +245,7 @@ def campaign_sidecar(settings: CampaignSettings, pieces: Sequence[Piece]) -> dic
         "Incomplete": {
             piece.design.name: piece.reason for piece in pieces if piece.reason is not None
         },
+        "MostIterations": settings.most_work,
         "FacesOverlap": {
             "MoreThanMm": OVERLAP_FLAG_MM,
             "Designs": [
@@ -272,5 +274,6 @@ def campaign_sidecar(settings: CampaignSettings, pieces: Sequence[Piece]) -> dic
             },
             "DegreesOfFreedomLargest": max(piece.degrees_of_freedom for piece in pieces),
             "NewtonIterations": sum(piece.newton_iterations for piece in pieces),
+            "NewtonIterationsLargest": max(piece.newton_iterations for piece in pieces),
         },
     }

@@ -20,6 +20,7 @@ from kiribench.fem.campaign_settings import (
     Design,
 )
 from kiribench.fem.cell import simulate_cell
+from kiribench.fem.equilibrium import MOST_WORK
 from kiribench.fem.sheet import simulate_sheet
 from kiribench.schema.design_space_table import write_whole
 
@@ -50,6 +51,7 @@ class Piece:
         mesh_scale: element edges / those of the settings' mesh; below 1 where the estimated mesh
             error exceeded the limit.
         finest_tried: the finest mesh tried, likewise; a mesh that gave no answer is not kept.
+        most_work: Newton iterations that were allowed on one mesh.
     """
 
     design: Design
@@ -62,6 +64,7 @@ class Piece:
     cpu_seconds: float
     mesh_scale: float = 1.0
     finest_tried: float = 1.0
+    most_work: int = MOST_WORK
 
     @property
     def largest_mesh_error(self) -> float | None:
@@ -104,6 +107,7 @@ class Piece:
             "cpu_seconds": self.cpu_seconds,
             "mesh_scale": self.mesh_scale,
             "finest_tried": self.finest_tried,
+            "most_work": self.most_work,
         }
 
     @classmethod
@@ -129,6 +133,7 @@ class Piece:
             cpu_seconds=float(content["cpu_seconds"]),
             mesh_scale=float(content.get("mesh_scale", 1.0)),
             finest_tried=float(content.get("finest_tried", 1.0)),
+            most_work=int(content.get("most_work", MOST_WORK)),
         )
 
 
@@ -159,10 +164,12 @@ def _simulate(settings: CampaignSettings, design: Design, mesh_scale: float) -> 
     a, b = design.a_percent / 100, design.b_percent / 100
     steps = np.array(settings.steps)
     mesh = settings.mesh if mesh_scale == 1.0 else settings.mesh.scaled(mesh_scale)
-    law = settings.material
+    law, work = settings.material, settings.most_work
     try:
         if settings.model == "sheet":
-            path = simulate_sheet(a, b, steps, sheet=settings.specimen, mesh=mesh, material=law)
+            path = simulate_sheet(
+                a, b, steps, sheet=settings.specimen, mesh=mesh, material=law, most_work=work
+            )
         else:
             path = simulate_cell(
                 a, b, steps, cell_mm=settings.specimen.cell_mm, mesh=mesh, material=law
@@ -180,6 +187,7 @@ def _simulate(settings: CampaignSettings, design: Design, mesh_scale: float) -> 
         cpu_seconds=path.cpu_seconds,
         mesh_scale=mesh_scale,
         finest_tried=mesh_scale,
+        most_work=settings.most_work,
     )
 
 

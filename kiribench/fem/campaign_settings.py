@@ -11,6 +11,7 @@ from typing import Any, Literal
 from kiribench import __version__
 from kiribench.errors import UsageError
 from kiribench.fem.cell import CELL_MESH
+from kiribench.fem.equilibrium import MOST_WORK
 from kiribench.fem.facet import MeshSpec
 from kiribench.fem.material import NeoHookean
 from kiribench.fem.sheet import SheetSpec
@@ -88,6 +89,8 @@ class CampaignSettings:
         mesh_error_limit: a design whose estimated mesh error of Poisson's ratio (log) exceeds
             this at any step is computed again with edges ``REFINEMENT`` times as long, at most
             ``MOST_REFINEMENTS`` times; None: never.
+        most_work: Newton iterations for a design on one mesh; the steps not reached then have no
+            answer.
 
     Raises:
         UsageError: steps that do not lead away from rest, or an edge or a limit that is not
@@ -100,6 +103,7 @@ class CampaignSettings:
     specimen: SheetSpec = field(default_factory=SheetSpec)
     material: NeoHookean = field(default_factory=NeoHookean)
     mesh_error_limit: float | None = MESH_ERROR_LIMIT
+    most_work: int = MOST_WORK
 
     def __post_init__(self) -> None:
         check_steps(self.model, self.steps)
@@ -110,6 +114,13 @@ class CampaignSettings:
                 remedy="Give a positive change of Poisson's ratio, such as 0.01.",
                 got=f"{self.mesh_error_limit:g}",
                 expected="more than 0",
+            )
+        if self.most_work < 1:
+            raise UsageError(
+                "work-range",
+                "No iteration, no work.",
+                remedy="Give 1 or more, such as 1500.",
+                got=self.most_work,
             )
         longest = self.specimen.cell_mm / 2
         if self.mesh_mm is not None and not 0 < self.mesh_mm <= longest:
@@ -128,6 +139,7 @@ class CampaignSettings:
         steps: tuple[float, ...] | None = None,
         mesh_mm: float | None = None,
         mesh_error_limit: float | None = None,
+        most_work: int = MOST_WORK,
     ) -> CampaignSettings:
         """The settings with the model's default steps where none are given.
 
@@ -137,7 +149,13 @@ class CampaignSettings:
         limit = mesh_error_limit
         if limit is None and mesh_mm is None:
             limit = MESH_ERROR_LIMIT
-        return cls(model, default if steps is None else steps, mesh_mm, mesh_error_limit=limit)
+        return cls(
+            model,
+            default if steps is None else steps,
+            mesh_mm,
+            mesh_error_limit=limit,
+            most_work=most_work,
+        )
 
     @property
     def mesh(self) -> MeshSpec:
@@ -152,7 +170,11 @@ class CampaignSettings:
         return self.mesh.longest * self.specimen.cell_mm / 2
 
     def as_dict(self) -> dict[str, Any]:
-        """The settings as a JSON object; equal objects give equal numbers."""
+        """The settings as a JSON object; equal objects give equal numbers.
+
+        Without the limit of the work: it decides how far a design gets, and more work goes on
+        with the designs that it ended.
+        """
         specimen = asdict(self.specimen)
         return {
             "Model": self.model,

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from kiribench.fem.assembly import AssembledSystem
-from kiribench.fem.equilibrium import LoadStepper
+from kiribench.fem.equilibrium import MOST_WORK, LoadStepper
 from kiribench.fem.loadpath import LoadPath
 from kiribench.fem.material import Material, NeoHookean
 from kiribench.fem.mesh import FacetGrid, MeshSpec, SheetMesh, mesh_sheet
@@ -37,6 +37,7 @@ def simulate_cell(
     mesh: MeshSpec | None = None,
     material: Material | None = None,
     estimate_error: bool = True,
+    most_work: int = MOST_WORK,
 ) -> LoadPath:
     """Stretch the periodic cell of a uniform cut map; lateral contraction is free.
 
@@ -47,15 +48,16 @@ def simulate_cell(
         mesh: None is ``CELL_MESH``, twice as fine as the default of a sheet.
         material: None is the paper's ``NeoHookean(0.207)``.
         estimate_error: also solve on a mesh twice as coarse, for ``mesh_error_poisson``.
+        most_work: Newton iterations after which a path ends, not converged.
     """
     began = time.process_time()
     spec = mesh or CELL_MESH
     law = material or NeoHookean()
     stretches = np.atleast_1d(np.asarray(longitudinal_stretches, dtype=np.float64))
-    path = _follow(a, b, stretches, cell_mm, spec, law)
+    path = _follow(a, b, stretches, cell_mm, spec, law, most_work)
     coarse = None
     if estimate_error:
-        coarse = _follow(a, b, stretches[path.converged], cell_mm, spec.scaled(2.0), law)
+        coarse = _follow(a, b, stretches[path.converged], cell_mm, spec.scaled(2.0), law, most_work)
     return with_mesh_error(path, _part(path), coarse, time.process_time() - began)
 
 
@@ -100,12 +102,18 @@ def cell_equations(mesh: SheetMesh) -> tuple[IntArray, FloatArray, dict[str, Int
 
 
 def _follow(
-    a: float, b: float, stretches: FloatArray, cell_mm: float, spec: MeshSpec, law: Material
+    a: float,
+    b: float,
+    stretches: FloatArray,
+    cell_mm: float,
+    spec: MeshSpec,
+    law: Material,
+    most_work: int = MOST_WORK,
 ) -> LoadPath:
     mesh = cell_mesh(a, b, cell_mm, spec)
     equation, pattern, sides = cell_equations(mesh)
     system = AssembledSystem(mesh.points_mm, mesh.triangles(), equation, law)
-    stepper = LoadStepper(system, pattern)
+    stepper = LoadStepper(system, pattern, most_work=most_work)
     half = cell_mm / 2
     below, above = (
         mesh.boundary_nodes("bottom", ligaments_only=False),

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from kiribench.errors import DataError
 from kiribench.fem.cell import simulate_cell
 from kiribench.fem.condensed import CondensedSystem
-from kiribench.fem.equilibrium import LoadStepper
+from kiribench.fem.equilibrium import MOST_WORK, LoadStepper
 from kiribench.fem.gauge import FacePairs, cell_stretches, site_positions
 from kiribench.fem.loadpath import LoadPath
 from kiribench.fem.material import Material, NeoHookean
@@ -62,6 +62,7 @@ def simulate_sheet(
     mesh: MeshSpec | None = None,
     material: Material | None = None,
     estimate_error: bool = True,
+    most_work: int = MOST_WORK,
 ) -> LoadPath:
     """Pull a sheet of uniform cuts; the middle four cells are the gauge.
 
@@ -73,13 +74,14 @@ def simulate_sheet(
         material: None is the paper's ``NeoHookean(0.207)``.
         estimate_error: fill ``mesh_error_poisson`` from the periodic cell at the gauge's
             longitudinal stretches: on the sheet's facet mesh against one 2.5 times as fine.
+        most_work: Newton iterations after which the path ends, not converged.
     """
     began = time.process_time()
     specimen = sheet or SheetSpec()
     spec = mesh or MeshSpec()
     law = material or NeoHookean()
     displacements = np.atleast_1d(np.asarray(displacements_mm, dtype=np.float64))
-    path = _follow(a, b, displacements, specimen, spec, law)
+    path = _follow(a, b, displacements, specimen, spec, law, most_work)
     same = finer = None
     if estimate_error:
         gauge = path.longitudinal_stretch[path.converged]
@@ -143,11 +145,12 @@ def _follow(
     sheet: SheetSpec,
     spec: MeshSpec,
     law: Material,
+    most_work: int = MOST_WORK,
 ) -> LoadPath:
     mesh = quarter_mesh(a, b, sheet, spec)
     equation, pattern, held = quarter_equations(mesh)
     system = CondensedSystem(mesh, equation, law)
-    stepper = LoadStepper(system, pattern)
+    stepper = LoadStepper(system, pattern, most_work=most_work)
     pairs = FacePairs.of(mesh)
     left = mesh.boundary_nodes("left", ligaments_only=False)
     bottom = mesh.boundary_nodes("bottom", ligaments_only=False)
