@@ -31,7 +31,7 @@ def check(
     surface: Literal["auto", "worn", "flat"] = "auto",
     subject: Path | None = None,
     participant: str | None = None,
-    friction: float = 0.0,
+    friction: float | Literal["stick"] = 0.0,
     straps: Literal["rows", "hoops", "free"] = "rows",
     elements_per_facet: int = 10,
     pull: float | None = None,
@@ -69,7 +69,7 @@ def check(
     participant
         Id of the participant; the design's own if absent.
     friction
-        Coulomb coefficient between patch and skin; inf sticks fully.
+        Coulomb coefficient between patch and skin, or stick: the patch stays where it was laid.
     straps
         Both end rows are held, their outermost cells only (hoops), or the proximal row (free).
     elements_per_facet
@@ -106,7 +106,8 @@ def check(
     from kiribench.schema.patch_design import read_design
 
     common = common or Common()
-    _check_numbers(fail_under, friction, pull, share)
+    coefficient = math.inf if friction == "stick" else float(friction)
+    _check_numbers(fail_under, 0.0 if friction == "stick" else coefficient, pull, share)
     designs = [read_design(path, cell_mm=cell_mm) for path in design]
     if reference == "tensile":
         return _tensile(designs, data, common)
@@ -120,7 +121,7 @@ def check(
     score.check()
     options = CheckOptions(
         elements=elements_per_facet,
-        spec=WearSpec(friction=friction, straps=straps),
+        spec=WearSpec(friction=coefficient, straps=straps),
         score=score,
     )
     found = (
@@ -140,7 +141,7 @@ def _check_numbers(
 ) -> None:
     for name, value, fine, expected in (
         ("fail-under", fail_under, fail_under is None or 0 <= fail_under <= 1, "0 to 1"),
-        ("friction", friction, friction >= 0, "0 or more, or inf"),
+        ("friction", friction, 0 <= friction < math.inf, "0 or more, or stick"),
         ("pull", pull, pull is None or 0.5 <= pull <= 4, "a length ratio, 0.5 to 4"),
         ("share", share, 0 < share <= 1, "more than 0, at most 1"),
     ):
@@ -265,7 +266,11 @@ def _simulated(
             advance(len(designs), total)
             checked.append(best_uniform(designs[0], ground, options)[0])
         follow = with_placement and ground.kind == "worn"
-        tolerances = [_placement(one, share) if follow else None for one in checked]
+        # Nobody puts the control on.
+        tolerances = [
+            _placement(one, share) if follow and index < len(designs) else None
+            for index, one in enumerate(checked)
+        ]
         advance(total, total)
     compared = [None if given is None else compare_table(one, given) for one in checked]
     objects, text = [], []

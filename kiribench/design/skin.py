@@ -18,7 +18,7 @@ from kiribench.surface.nodes import LocatedNodes
 
 FloatArray = NDArray[np.float64]
 
-BARE = "flex090"
+BARE, REST = "flex090", "flex000"
 
 #: More missing nodes than this share cannot be filled in with confidence.
 MOST_MISSING = 0.1
@@ -36,6 +36,7 @@ class Skin:
         nodes_mm: (rows+1, columns+1, 3) all nodes of the grid; the missing ones filled in.
         filled: (rows+1, columns+1) which were.
         files: what was read.
+        rest_nodes_mm: the same of the scan at rest (flex000), or None without it.
     """
 
     participant: str
@@ -47,6 +48,7 @@ class Skin:
     nodes_mm: FloatArray
     filled: NDArray[np.bool_]
     files: tuple[Path, ...] = ()
+    rest_nodes_mm: FloatArray | None = None
 
     @property
     def pitch_mm(self) -> float:
@@ -89,6 +91,13 @@ def skin_of(subject: Subject, *, denoise: Denoise = "auto") -> Skin:
     layout.check_patch()
     bare = acquire(subject, BARE, denoise=denoise)
     nodes, filled = filled_grid(bare.nodes.positions_mm)
+    rest = None
+    if subject.has(REST):
+        table = subject.nodes(REST)
+        rest = np.full(nodes.shape, np.nan)
+        seen = table.present
+        rest[table.row[seen], table.col[seen]] = table.xyz_mm[seen]
+        rest = filled_grid(rest)[0]
     return Skin(
         participant=subject.id,
         side=subject.side or "",
@@ -99,6 +108,7 @@ def skin_of(subject: Subject, *, denoise: Denoise = "auto") -> Skin:
         nodes_mm=nodes,
         filled=filled,
         files=tuple(subject.files),
+        rest_nodes_mm=rest,
     )
 
 

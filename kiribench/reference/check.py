@@ -8,6 +8,7 @@ overlaps, grades, regions and causes come from the code that scores a worn patch
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal, Protocol
 
@@ -21,6 +22,7 @@ from kiribench.errors import NotConvergedError, UsageError
 from kiribench.fem.material import Material
 from kiribench.fem.surface_map import Plane, SurfaceMap
 from kiribench.fem.wear import WearSpec, WornPatch, wear_patch
+from kiribench.fem.wear_friction import skin_path
 from kiribench.fem.wear_measures import cell_measures
 from kiribench.lattice import CutMap
 from kiribench.reference.developed import FlatSkin
@@ -63,6 +65,11 @@ class Ground(Protocol):
         """See :class:`kiribench.fem.surface_map.SurfaceMap`."""
         ...
 
+    @property
+    def path(self) -> Sequence[SurfaceMap] | None:
+        """Skins on the way from rest, which friction needs; None where it is not known."""
+        ...
+
     def score(
         self, corner_q_mm: FloatArray, design: PatchDesign, options: ScoreOptions
     ) -> Conformability:
@@ -100,6 +107,13 @@ class KneeGround:
     def target_q_mm(self) -> FloatArray:
         """(R+1, C+1, 2) of the nodes under the corners."""
         return self.skin.target_q_mm
+
+    @property
+    def path(self) -> Sequence[SurfaceMap] | None:
+        """From the nodes at rest to the flexed ones."""
+        if self.skin.rest_nodes_mm is None:
+            return None
+        return skin_path(self.skin.rest_nodes_mm, self.skin.nodes_mm, self.skin.pitch_mm)
 
     def score(
         self, corner_q_mm: FloatArray, design: PatchDesign, options: ScoreOptions
@@ -151,6 +165,11 @@ class FlatGround:
         rows, columns = self.shape
         steps = np.meshgrid(np.arange(columns + 1), np.arange(rows + 1))
         return np.asarray(self.pitch_mm * np.stack(steps, axis=-1).astype(np.float64))
+
+    @property
+    def path(self) -> Sequence[SurfaceMap] | None:
+        """Not known: the flat check is without friction, or sticks."""
+        return None
 
     def score(
         self, corner_q_mm: FloatArray, design: PatchDesign, options: ScoreOptions
@@ -343,7 +362,9 @@ def put_on(
         options.spec, elements_per_facet=elements, thickness_mm=design.thickness_mm, **pose
     )
     cut_map = CutMap(design.a, design.b, design.cell_mm)
-    worn = wear_patch(cut_map, ground.surface, ground.origin_q_mm, spec, material)
+    slides = 0 < spec.friction < np.inf
+    path = ground.path if slides else None
+    worn = wear_patch(cut_map, ground.surface, ground.origin_q_mm, spec, material, path=path)
     if worn.status != "ok":
         raise NotConvergedError(
             "check-not-converged",

@@ -81,7 +81,7 @@ def test_flat_and_sticking(design: Path, run: Any) -> None:
     assert exit_code == 0
     assert "does not lie flat" in out
     _, out, _ = run(
-        design, "--subject", elbow_root(), "--friction", "inf", *QUICK, "--json"
+        design, "--subject", elbow_root(), "--friction", "stick", *QUICK, "--json"
     )  # fmt: skip
     stuck = json.loads(out)["designs"][0]
     # What sticks to the skin stays on it.
@@ -115,6 +115,7 @@ def test_wrong_calls(design: Path, run: Any, tmp_path: Path) -> None:
         ((design, "--data", tmp_path), "check-data-unused", 2),
         ((design, "--fail-under", "2"), "fail-under-range", 2),
         ((design, "--friction", "-1"), "friction-range", 2),
+        ((design, "--friction", "inf"), "friction-range", 2),
         ((design, "--share", "0"), "share-range", 2),
         ((design, "--surface", "flat", "--pull", "9"), "pull-range", 2),
         ((design, "--subject", elbow_root(), "--elements-per-facet", "7"), "wear-mesh", 3),

@@ -75,7 +75,8 @@ def test_it_gains_on_average_and_never_loses() -> None:
     for cut_map in (start, found.cut_map):
         poses = [model.worn(cut_map, 6, **pose).corner_q_mm for pose in spread.poses()]
         mean.append(float(overlap(np.stack(poses)).mean()))
-    assert mean[1] > mean[0] + 0.05
+    # The expected loss falls by two fifths at least.
+    assert 1 - mean[1] < 0.6 * (1 - mean[0])
 
 
 def test_a_one_sided_error_is_designed_for() -> None:

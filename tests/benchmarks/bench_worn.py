@@ -1,0 +1,64 @@
+"""CPU seconds of a worn check, of a worn design and of placement, on a synthetic knee.
+
+Run as a script; exits 1 where a worn design of 12 x 6 cells, confirmed at 16 elements, takes a
+minute or more, or a worn check at 10 elements 5 s or more. CPU seconds, one thread.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+
+from kiribench.dataset import Dataset
+from kiribench.design.skin import skin_of
+from kiribench.design.worn import KneeModel, design_worn
+from kiribench.lattice import CutMap
+from kiribench.reference.fast_overlap import FastOverlap
+from kiribench.reference.predicted import predicted_conformability
+
+DESIGN_S, CHECK_S = 60.0, 5.0
+ROOT = Path(__file__).parents[2]
+
+
+def main() -> int:
+    """Measure and print."""
+    skin = skin_of(Dataset.open(ROOT / "data" / "synthetic").subject("S2"))
+    model, start = KneeModel(skin), CutMap.uniform(0.7, 0.7, 12, 6, 15.0)
+    model.worn(start, 6)  # compiled code from the cache
+    model.sensitivities(start, 6)
+    fast = FastOverlap.of(skin)
+
+    began = time.process_time()
+    found = design_worn(model, start)
+    designed = time.process_time() - began
+    began = time.process_time()
+    confirmed = model.worn(found.cut_map, 16)
+    confirm = time.process_time() - began
+    began = time.process_time()
+    worn = model.worn(found.cut_map, 10)
+    check = time.process_time() - began
+    began = time.process_time()
+    exact = predicted_conformability(skin, skin.places(worn.corner_q_mm))
+    score = time.process_time() - began
+    many = np.broadcast_to(worn.corner_q_mm, (200, *worn.corner_q_mm.shape))
+    began = time.process_time()
+    fast.overlap(many)
+    quick = (time.process_time() - began) / 200
+    overlap = fast.overlap(confirmed.corner_q_mm)
+    print(f"worn design from uniform      {designed:7.2f} CPU s, {len(found.iterations)} states")
+    print(f"  confirmed at 16 elements    {confirm:7.2f} CPU s, good {(overlap >= 0.9).mean():.3f}")
+    print(f"worn check at 10 elements     {check:7.2f} CPU s")
+    print(f"score by the exact route      {score:7.2f} CPU s (1000 draws)")
+    print(f"fast overlap, one patch       {1000 * quick:7.2f} CPU ms")
+    apart = np.abs(fast.overlap(worn.corner_q_mm) - exact.overlap).max()
+    print(f"  largest difference          {apart:7.4f}")
+    missed = designed + confirm >= DESIGN_S or check >= CHECK_S
+    print("missed" if missed else "met")
+    return int(missed)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
