@@ -2,8 +2,8 @@
 
 Run as a script: ``python tests/benchmarks/bench_wear.py [--repeats 3] [--growth]
 [--convergence]``. Ours and CalculiX (CPS8R on the same nodes) take turns on one thread; medians of
-processor time are compared. Exit code 1 where a bound is missed: 5 times less than CalculiX; one check of 12 x 6
-cells at 10 divisions a facet edge on a knee in 5 CPU s.
+processor time are compared. Exit code 1 where a bound is missed: 5 times less than CalculiX; one
+check of 12 x 6 cells at 10 divisions a facet edge on a knee in 5 CPU s.
 """
 
 from __future__ import annotations
