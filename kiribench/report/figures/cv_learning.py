@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from kiribench.report.figures.cv_style import mark_of, plain
+from kiribench.report.figures.cv_style import mark_of, plain, plain_numbers
 from kiribench.report.html import Html
 from kiribench.report.palette import PATCH
 from kiribench.report.svg import canvas, drawing, inline_svg
@@ -34,6 +34,8 @@ def learning_figure(
         plain(axes)
         axes.set_xscale("log")
         axes.set_yscale("log")
+        plain_numbers(axes.xaxis, each=(1.0, 2.0, 5.0))
+        plain_numbers(axes.yaxis)
         for index, (model, points) in enumerate(curves.items()):
             colour, shape = mark_of(index)
             size = [point[0] for point in points]

@@ -16,6 +16,7 @@ from kiribench.report.svg import canvas, drawing, inline_svg
 FloatArray = NDArray[np.float64]
 PANEL = 190.0
 ACROSS = 4
+LEFT = 62  # points: tick numbers and the label of the upward axis
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,14 +42,14 @@ def parity_figure(panels: Sequence[ParityPanel], *, label: str, name: str, alt: 
     ends = (low - room, high + room)
     across = min(ACROSS, len(panels))
     down = -(-len(panels) // across)
-    width, height = across * PANEL + 46, down * (PANEL + 14) + 40
+    width, height = across * PANEL + LEFT, down * (PANEL + 14) + 40
     with drawing():
         figure = canvas(width, height)
         for index, panel in enumerate(panels):
             row, column = divmod(index, across)
             axes = figure.add_axes(
                 (
-                    (46 + column * PANEL) / width,
+                    (LEFT + column * PANEL) / width,
                     1 - (20 + row * (PANEL + 14) + PANEL - 26) / height,
                     (PANEL - 18) / width,
                     (PANEL - 26) / height,

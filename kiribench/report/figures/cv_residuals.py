@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from kiribench.report.figures.cv_style import plain
+from kiribench.report.figures.cv_style import plain, plain_numbers
 from kiribench.report.html import Html
 from kiribench.report.palette import ACCENT, QUIET, SEQUENTIAL
 from kiribench.report.svg import canvas, drawing, inline_svg
@@ -45,7 +45,9 @@ def residual_figure(
         left.set_ylabel("b, %")
         left.set_title("rms residual of each design", fontsize=10, loc="left", pad=5)
         bar = figure.add_axes((312 / WIDTH, 46 / HEIGHT, 10 / WIDTH, 250 / HEIGHT))
-        figure.colorbar(drawn, cax=bar).ax.tick_params(labelsize=8, colors=QUIET)
+        beside = figure.colorbar(drawn, cax=bar).ax
+        beside.tick_params(labelsize=8, colors=QUIET)
+        plain_numbers(beside.yaxis, each=(1.0, 2.0, 5.0))
         right = figure.add_axes((430 / WIDTH, 46 / HEIGHT, 330 / WIDTH, 250 / HEIGHT))
         plain(right)
         if unit is not None:

@@ -8,6 +8,7 @@ from kiribench.report.palette import LINE, QUIET
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
 
 COLOURS = ("#1f5f8b", "#c4500b", "#3b7a3b", "#7a4a9e", "#a33a20", "#008080", "#8a6d00", "#444f58")
 SHAPES = ("o", "s", "^", "D", "v", "P", "X")
@@ -27,3 +28,20 @@ def plain(axes: Axes) -> None:
     axes.tick_params(colors=QUIET, labelsize=9)
     axes.grid(True, color=LINE, linewidth=0.5)
     axes.set_axisbelow(True)
+
+
+def plain_numbers(axis: Axis, *, each: tuple[float, ...] = (1.0,)) -> None:
+    """Numbers on a logarithmic axis as a person writes them, no powers.
+
+    Texts of the figures are never read as formulas (a design may be called ``$a$``), and the
+    usual labels of a logarithmic axis are formulas.
+
+    Args:
+        axis: logarithmic.
+        each: which multiples of a power of ten get a number.
+    """
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    axis.set_major_locator(LogLocator(10.0, subs=each))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_minor_formatter(NullFormatter())

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from kiribench.report.figures.cv_style import mark_of, plain
+from kiribench.report.figures.cv_style import mark_of, plain, plain_numbers
 from kiribench.report.html import Html
 from kiribench.report.palette import PATCH
 from kiribench.report.svg import canvas, drawing, inline_svg
@@ -28,6 +28,8 @@ def time_figure(
         plain(axes)
         axes.set_xscale("log")
         axes.set_yscale("log")
+        plain_numbers(axes.xaxis)
+        plain_numbers(axes.yaxis)
         for index, (model, (seconds, error)) in enumerate(models.items()):
             colour, shape = mark_of(index)
             axes.scatter([seconds], [error], color=colour, marker=shape, s=36, label=model)
