@@ -172,7 +172,13 @@ def _simulate(settings: CampaignSettings, design: Design, mesh_scale: float) -> 
             )
         else:
             path = simulate_cell(
-                a, b, steps, cell_mm=settings.specimen.cell_mm, mesh=mesh, material=law
+                a,
+                b,
+                steps,
+                cell_mm=settings.specimen.cell_mm,
+                mesh=mesh,
+                material=law,
+                most_work=work,
             )
     except (KiribenchError, ArithmeticError, RuntimeError, ValueError, MemoryError) as error:
         return replace(_failed(settings, design, error), mesh_scale=mesh_scale)

@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -203,6 +204,67 @@ def test_a_design_without_an_answer_does_not_stop_the_rest(
     assert first.reason is not None
     assert "iterations" in first.reason
     assert run_campaign(settings, designs, tmp_path).resumed == 2
+
+
+def test_work_that_ran_out_goes_on_with_more(undisturbed: Path, tmp_path: Path) -> None:
+    few = CampaignSettings.of("cell", STEPS, 2.5, most_work=6)
+    campaign = run_campaign(few, DESIGNS, tmp_path)
+    ended = [piece for piece in campaign.pieces if piece.reason is not None]
+    assert len(ended) > 0
+    assert all("work limit of 6 iterations" in str(piece.reason) for piece in ended)
+    assert run_campaign(few, DESIGNS, tmp_path).resumed == len(DESIGNS)
+    assert run_campaign(SETTINGS, DESIGNS, tmp_path).resumed == len(DESIGNS) - len(ended)
+    assert table_bytes(tmp_path) == table_bytes(undisturbed)
+
+
+def test_meshes_are_refined_where_the_error_asks_for_it(tmp_path: Path) -> None:
+    """One of two designs exceeds the limit; a piece of a coarse mesh is not taken for an answer."""
+    coarse = run_campaign(SETTINGS, DESIGNS[:3], tmp_path / "coarse")
+    errors = [float(np.nanmax(piece.columns["mesh_error_poisson"])) for piece in coarse.pieces]
+    limit = sorted(errors)[1] * 1.01
+    settings = CampaignSettings.of("cell", STEPS, 2.5, mesh_error_limit=limit)
+    assert settings.fingerprint == SETTINGS.fingerprint
+    folder = tmp_path / "fine" / PIECES
+    folder.mkdir(parents=True)
+    for piece in coarse.pieces:
+        campaign_piece.write_piece(folder, piece)
+    campaign = run_campaign(settings, DESIGNS[:3], tmp_path / "fine")
+    assert campaign.resumed == 2
+    refined = [piece for piece in campaign.pieces if piece.mesh_scale < 1]
+    (one,) = refined
+    assert one.design == coarse.pieces[int(np.argmax(errors))].design
+    assert one.largest_mesh_error is not None
+    assert one.largest_mesh_error < limit
+    path = simulate_cell(
+        one.design.a_percent / 100,
+        one.design.b_percent / 100,
+        STEPS,
+        mesh=MeshSpec.of_edge(2.5).scaled(one.mesh_scale),
+    )
+    np.testing.assert_array_equal(one.columns["lateral_stretch"], path.lateral_stretch)
+    sidecar = json.loads(campaign.sidecar.read_text())
+    assert list(sidecar["RefinedMeshes"]) == [one.design.name]
+    assert run_campaign(settings, DESIGNS[:3], tmp_path / "fine").resumed == 3
+
+
+def test_a_finer_mesh_without_an_answer_replaces_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    whole = campaign_piece._simulate
+
+    def fails(settings: CampaignSettings, design: Design, mesh_scale: float) -> Piece:
+        piece = whole(settings, design, 1.0)
+        if mesh_scale == 1.0:
+            return piece
+        return replace(piece, reason="no convergence", mesh_scale=mesh_scale)
+
+    monkeypatch.setattr(campaign_piece, "_simulate", fails)
+    settings = CampaignSettings.of("cell", STEPS, 2.5, mesh_error_limit=1e-9)
+    (piece,) = run_campaign(settings, DESIGNS[:1], tmp_path).pieces
+    assert piece.reason is None
+    assert piece.mesh_scale == 1.0
+    assert piece.finest_tried == pytest.approx(0.7**3)
+    assert run_campaign(settings, DESIGNS[:1], tmp_path).resumed == 1
 
 
 def test_a_solver_that_raises_is_a_result_and_is_tried_again(
