@@ -86,3 +86,14 @@ def test_a_missing_table_is_named(tmp_path: Path) -> None:
     with pytest.raises(TableError) as error:
         read_given(tmp_path / "none.tsv", SHAPE)
     assert error.value.code == "reference-missing"
+
+
+def test_a_cut_that_no_laser_can_cut_is_none() -> None:
+    faint = design()
+    faint.b[2, 1] = 2e-10  # as an optimiser leaves it
+    none = design()
+    none.b[2, 1] = 0.0
+    ground, options = FlatGround(SHAPE, 10.0, pull=1.2), CheckOptions(elements=6)
+    one, other = (check_design(given, ground, options).worn for given in (faint, none))
+    assert one.status == "ok"
+    assert one.corner_q_mm == pytest.approx(other.corner_q_mm, abs=1e-12)
