@@ -1,4 +1,4 @@
-"""``kiribench demo``: the synthetic subjects measured, scored and reported."""
+"""``kiribench demo``: the synthetic subjects measured, scored, designed for and reported."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from kiribench.cli.command import Common, Outcome
 if TYPE_CHECKING:
     from kiribench.conformability.result import Conformability
     from kiribench.dataset import Dataset
+    from kiribench.report.sections.designs import DesignsSummary
     from kiribench.report.truth import Truth
     from kiribench.strain.result import StrainField
 
@@ -17,8 +18,10 @@ SCHEMA = "kiribench.demo/1"
 DEFAULT_OUT = Path("reports/demo")
 
 
-def demo(*, dataset: Path | None = None, common: Common | None = None) -> Outcome:
-    """Measure and score the three synthetic subjects and write their HTML reports.
+def demo(
+    *, dataset: Path | None = None, designs: bool = True, common: Common | None = None
+) -> Outcome:
+    """Measure and score the three synthetic subjects, design a patch, write the HTML report.
 
     Everything is computed from the scans; nothing is stored in advance. The subjects are
     synthetic, so the truth is known and stands beside the result.
@@ -28,14 +31,19 @@ def demo(*, dataset: Path | None = None, common: Common | None = None) -> Outcom
     dataset
         Subject folders; data/synthetic of a source checkout if absent. Where there is no
         checkout, the same subjects are generated under --out first.
+    designs
+        Design a patch for the first subject by five methods, predict how each would lie when
+        worn, and write the files for the laser; needs the dataset's design space.
     common
         Options of every command; --out is reports/demo unless given.
     """
+    from kiribench.cli.demo_designs import design_and_check, find_design_space
     from kiribench.cli.participants import each
     from kiribench.cli.report_files import score_settings, write_reports
     from kiribench.conformability.export import conform_rows, conform_sidecar
     from kiribench.conformability.score import ScoreOptions, input_warnings, score_subject
     from kiribench.dataset import Dataset
+    from kiribench.report.sections.designs import designs_section
     from kiribench.report.truth import read_truth
     from kiribench.schema.result_tables import write_table
     from kiribench.strain.export import strain_rows, strain_sidecar
@@ -55,9 +63,13 @@ def demo(*, dataset: Path | None = None, common: Common | None = None) -> Outcom
         folder = out / stem
         write_table(folder / f"{stem}_strain.tsv", strain_rows(strain), strain_sidecar(strain))
         write_table(folder / f"{stem}_conform.tsv", conform_rows(score), conform_sidecar(score))
+    space = find_design_space(opened.root) if designs else None
+    designed = None
+    if space is not None:
+        designed = design_and_check(opened, subjects[0].id, space, out, quiet=common.quiet)
     index = write_reports(
         out, opened, subjects, scores, settings=score_settings(options), strains=strains,
-        quiet=common.quiet,
+        more=None if designed is None else designs_section(designed), quiet=common.quiet,
     )  # fmt: skip
     truths = [read_truth(opened, subject.id) for subject in subjects]
     rows = [
@@ -70,15 +82,21 @@ def demo(*, dataset: Path | None = None, common: Common | None = None) -> Outcom
             "dataset": opened.description.name,
             "index": str(index),
             "participants": rows,
+            "designs": None if designed is None else list(designed.designs),
+            "designs_verdict": None if designed is None else designed.verdict,
         },
-        text=summary(opened, scores, rows, index),
+        text=summary(opened, scores, rows, index, designed),
         faults=tuple(
             dict.fromkeys(
                 [fault for strain in strains for fault in strain.warnings]
                 + [fault for score in scores for fault in input_warnings(score)]
             )
         ),
-        inputs=(*opened.files, *(path for subject in subjects for path in subject.files)),
+        inputs=(
+            *opened.files,
+            *(path for subject in subjects for path in subject.files),
+            *(() if space is None else (space, space.with_suffix(".json"))),
+        ),
     )
 
 
@@ -128,7 +146,11 @@ def row(score: Conformability, strain: StrainField, truth: Truth | None) -> dict
 
 
 def summary(
-    dataset: Dataset, scores: list[Conformability], rows: list[dict[str, Any]], index: Path
+    dataset: Dataset,
+    scores: list[Conformability],
+    rows: list[dict[str, Any]],
+    index: Path,
+    designed: DesignsSummary | None,
 ) -> str:
     """A table, the verdicts in words, and where the report is."""
     from kiribench.report.gather import is_synthetic
@@ -159,5 +181,7 @@ def summary(
     for score in scores:
         sentences = (verdict(score, synthetic=synthetic), weakest(score), causes(score))
         words.append(" ".join(sentence for sentence in sentences if sentence))
+    if designed is not None:
+        words.append(f"Designs for {designed.participant}: {designed.verdict}")
     note = [SYNTHETIC_NOTE] if synthetic else []
     return "\n".join([*table, "", *words, "", *note, f"Report: {index}"])

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from kiribench.conformability.result import Conformability
     from kiribench.conformability.score import ScoreOptions
     from kiribench.dataset import Dataset, Subject
+    from kiribench.report.html import Html
     from kiribench.strain.result import StrainField
     from kiribench.surface.acquisition import Denoise
 
@@ -33,6 +34,7 @@ def write_reports(
     settings: Mapping[str, Any],
     denoise: Denoise = "auto",
     strains: Sequence[StrainField | None] | None = None,
+    more: Html | None = None,
     quiet: bool = False,
 ) -> Path:
     """Write one page a subject and the index.
@@ -45,6 +47,7 @@ def write_reports(
         denoise: as the scans were read for the scores.
         strains: the skin strain of each subject, or None: measured here where the bare
             straight scan is there, with the defaults of ``kiribench measure``.
+        more: a section for the end of the index.
         quiet: no progress bar.
 
     Returns:
@@ -80,7 +83,7 @@ def write_reports(
             write_subject_report(out / report_name(subject.id), page)
             pages.append(page)
         advance(len(subjects), len(subjects))
-    return write_index(out / INDEX, pages)
+    return write_index(out / INDEX, pages, more=more)
 
 
 def _strain(subject: Subject, denoise: Denoise) -> tuple[StrainField | None, tuple[Fault, ...]]:

@@ -30,23 +30,24 @@ def report_name(participant: str) -> str:
     return f"sub-{plain}-{hashlib.sha256(participant.encode()).hexdigest()[:8]}.html"
 
 
-def write_index(path: Path, subjects: Sequence[SubjectReport]) -> Path:
+def write_index(path: Path, subjects: Sequence[SubjectReport], *, more: Html | None = None) -> Path:
     """Write the page that leads to the subjects' pages beside it.
 
     Args:
         path: the HTML file; the pages of the subjects lie in the same folder, named by
             :func:`report_name`.
         subjects: of one dataset, at least one.
+        more: a section to end with.
 
     Returns:
         ``path``.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(index_page(subjects), encoding="utf-8", newline="\n")
+    path.write_text(index_page(subjects, more=more), encoding="utf-8", newline="\n")
     return path
 
 
-def index_page(subjects: Sequence[SubjectReport]) -> str:
+def index_page(subjects: Sequence[SubjectReport], *, more: Html | None = None) -> str:
     """The whole HTML document of the index."""
     dataset = subjects[0].dataset
     synthetic = any(subject.synthetic for subject in subjects)
@@ -71,6 +72,7 @@ def index_page(subjects: Sequence[SubjectReport]) -> str:
             tag("div", [_card(s, i) for i, s in enumerate(subjects)], class_="triple"),
             id="maps",
         ),
+        more,
     )
     return document(f"{dataset}: conformability", body)
 

@@ -22,7 +22,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, subprocess.Comp
     out = tmp_path_factory.mktemp("demo") / "reports"
     done = subprocess.run(
         [sys.executable, "-m", "kiribench", "demo", "--out", str(out)],
-        capture_output=True, text=True, timeout=300, check=False,
+        capture_output=True, text=True, timeout=580, check=False,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     return out, done
@@ -52,6 +52,26 @@ def test_table_and_verdict_say_the_same_as_the_json(
             f"{entry['scored']} cells ({share};" in done.stdout
         )
     assert "Nobody was scanned" in done.stdout
+
+
+def test_the_designs_of_the_first_subject_are_checked_and_exported(
+    run: tuple[Path, subprocess.CompletedProcess[str]],
+) -> None:
+    out, done = run
+    result = json.loads((out / "demo.json").read_text(encoding="utf-8"))
+    designs = {entry["method"]: entry for entry in result["designs"]}
+    assert set(designs) == {"worn", "balanced", "exact", "paper", "best uniform"}
+    worn, control = designs["worn"]["share"]["paper"], designs["best uniform"]["share"]["paper"]
+    assert worn["mean"] > control["mean"]
+    assert worn["fair"] == 1.0
+    assert f"Designs for S1: {result['designs_verdict']}" in done.stdout
+    page = (out / "index.html").read_text(encoding="utf-8")
+    links = re.findall(r'href="(sub-S1/[^"]+)"', page)
+    assert len(links) == 4
+    assert all((out / link).is_file() for link in links)
+    assert "agree with the design" in page
+    sheet = (out / "sub-S1" / "laser" / "sub-S1_job-sheet.html").read_text(encoding="utf-8")
+    assert "Placement tolerance, predicted by kiribench check" in sheet
 
 
 def column(path: Path, name: str) -> dict[tuple[str, str], float]:
@@ -117,7 +137,7 @@ def test_without_a_checkout_the_subjects_are_generated(
 def test_a_moved_dataset_gives_the_same_pages(tmp_path: Path) -> None:
     def one(name: str) -> bytes:
         root = copy_of_s1(tmp_path / name / "data")
-        demo(dataset=root, common=Common(out=tmp_path / name / "out", quiet=True))
+        demo(dataset=root, designs=False, common=Common(out=tmp_path / name / "out", quiet=True))
         return (tmp_path / name / "out" / "sub-S1.html").read_bytes()
 
     assert one("here") == one("there")
