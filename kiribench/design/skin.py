@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kiribench.dataset import Subject
-from kiribench.errors import NodesError
 from kiribench.fem.surface_map import NodeSpline
+from kiribench.fem.wear_skin import fill_nodes
 from kiribench.schema.layout import Layout
 from kiribench.surface.acquisition import Acquired, Denoise, acquire
 from kiribench.surface.nodes import LocatedNodes
@@ -19,9 +19,6 @@ from kiribench.surface.nodes import LocatedNodes
 FloatArray = NDArray[np.float64]
 
 BARE, REST = "flex090", "flex000"
-
-#: More missing nodes than this share cannot be filled in with confidence.
-MOST_MISSING = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,20 +81,20 @@ def skin_of(subject: Subject, *, denoise: Denoise = "auto") -> Skin:
 
     Raises:
         DatasetError, MeshError, NodesError: what is wrong with the input.
-        NodesError: ``skin-nodes-missing``; too few nodes for a smooth map of the skin.
+        NodesError: ``nodes-too-few``; too few nodes for a smooth map of the skin.
     """
     subject.require(BARE)
     layout = subject.layout
     layout.check_patch()
     bare = acquire(subject, BARE, denoise=denoise)
-    nodes, filled = filled_grid(bare.nodes.positions_mm)
+    seen_mm = bare.nodes.positions_mm
     rest = None
     if subject.has(REST):
         table = subject.nodes(REST)
-        rest = np.full(nodes.shape, np.nan)
+        rest = np.full(seen_mm.shape, np.nan)
         seen = table.present
         rest[table.row[seen], table.col[seen]] = table.xyz_mm[seen]
-        rest = filled_grid(rest)[0]
+        rest = fill_nodes(rest)
     return Skin(
         participant=subject.id,
         side=subject.side or "",
@@ -105,48 +102,8 @@ def skin_of(subject: Subject, *, denoise: Denoise = "auto") -> Skin:
         bare=bare,
         under=bare.nodes.window(*layout.patch_offset, layout.patch.node_shape),
         region=np.array([list(row) for row in layout.regions.labels]),
-        nodes_mm=nodes,
-        filled=filled,
+        nodes_mm=fill_nodes(seen_mm),
+        filled=np.asarray(~np.isfinite(seen_mm).all(axis=-1)),
         files=tuple(subject.files),
         rest_nodes_mm=rest,
     )
-
-
-def filled_grid(nodes_mm: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
-    """Fill missing nodes so that second differences along rows and columns are smallest.
-
-    Args:
-        nodes_mm: (m, n, 3) positions, NaN where missing.
-
-    Returns:
-        (m, n, 3) without NaN, and (m, n) which were filled in.
-
-    Raises:
-        NodesError: ``skin-nodes-missing``, where more than a tenth is missing.
-    """
-    missing = np.asarray(~np.isfinite(nodes_mm).all(axis=-1))
-    if not missing.any():
-        return nodes_mm, missing
-    if missing.mean() > MOST_MISSING or min(nodes_mm.shape[:2]) < 3:
-        raise NodesError(
-            "skin-nodes-missing",
-            "Too many nodes of the flexed scan are missing for a smooth map of the skin.",
-            remedy="Complete the nodes table of flex090.",
-            got=f"{int(missing.sum())} of {missing.size} missing",
-            expected=f"at most {100 * MOST_MISSING:g} %",
-        )
-    shape = missing.shape
-    number = np.arange(missing.size).reshape(shape)
-    triples = [
-        np.stack([number[:-2], number[1:-1], number[2:]], axis=-1).reshape(-1, 3),
-        np.stack([number[:, :-2], number[:, 1:-1], number[:, 2:]], axis=-1).reshape(-1, 3),
-    ]
-    lines = np.concatenate(triples)
-    matrix = np.zeros((len(lines), missing.size))
-    for column, weight in enumerate((1.0, -2.0, 1.0)):
-        matrix[np.arange(len(lines)), lines[:, column]] = weight
-    flat, gone = nodes_mm.reshape(-1, 3), missing.ravel()
-    known = matrix[:, ~gone] @ flat[~gone]
-    out = flat.copy()
-    out[gone] = np.linalg.lstsq(matrix[:, gone], -known, rcond=None)[0]
-    return out.reshape(nodes_mm.shape), missing

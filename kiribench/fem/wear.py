@@ -82,7 +82,8 @@ class WornPatch:
         contact_pressure_mpa: (2R, 2C) by facet; negative is lift-off (it cannot be held).
         tip_stress_mpa, tip_stretch: (k,) largest principal Cauchy stress and stretch on the
             ligament at ``TIP_DISTANCE_MM`` before the tip, half-cuts in the order of
-            ``CutMap.half_cuts``; compare with ``BREAKING_STRETCH``.
+            ``CutMap.half_cuts``, without cuts below ``wear_mesh.NO_CUT``; compare with
+            ``BREAKING_STRETCH``.
         face_overlap_mm: largest depth to which two crack faces pass through each other.
         strap_force_n: pull along the limb on the distal (``free``: proximal) strap.
         energy_mj: elastic energy of the patch.
@@ -149,7 +150,7 @@ def wear_patch(
     """Equilibrium of a patch on the skin.
 
     Args:
-        cut_map: the design.
+        cut_map: the design; a cut shorter than ``wear_mesh.NO_CUT`` of the cell is none.
         surface: the skin in the pose.
         origin_q_mm: material coordinates that the patch's proximal lateral corner is laid on.
         spec: None is ``WearSpec()``.
@@ -304,8 +305,8 @@ def wear_sensitivities(
 ) -> WearSensitivities:
     """Equilibrium and its derivatives by all cut lengths; arguments as in ``wear_patch``.
 
-    A cut of length exactly 0 has derivative 0: the energy that a short cut sets free grows with
-    the square of its length.
+    A cut of no length (below ``wear_mesh.NO_CUT``) has derivative 0: the energy that a short cut
+    sets free grows with the square of its length.
 
     Raises:
         DataError: as ``wear_patch``, and with friction.

@@ -32,6 +32,11 @@ IntArray = npt.NDArray[np.int64]
 BoolArray = npt.NDArray[np.bool_]
 
 
+NO_CUT = 1e-4
+"""A cut shorter than this share of the cell (a micrometre or two) is meshed as none: no laser cuts
+it, its effect falls with its square, and its tip would lie on its site but for rounding."""
+
+
 @dataclass(frozen=True, eq=False)
 class FacetTemplate:
     """The quads of a facet on the unit square, whatever its cuts.
@@ -199,7 +204,7 @@ class PatchMesh:
 
     Attributes:
         template: of every facet.
-        cut_map: what was meshed.
+        cut_map: what was meshed: cuts below ``NO_CUT`` are 0.
         points_mm: (U, 2) nodes at rest, patch coordinates.
         nodes: (F, n) patch node of each facet node; facets row by row.
         facet_mm: (F, n, 2) nodes at rest by facet.
@@ -261,10 +266,15 @@ def physical_edge(edge: int, mirrored: bool) -> int:
 def mesh_patch(
     cut_map: CutMap, intervals: int, order: int, *, hold: tuple[bool, bool] = (True, True)
 ) -> PatchMesh:
-    """Mesh a patch; ``hold`` says whether the proximal and the distal edge will be strapped."""
+    """Mesh a patch; ``hold`` says whether the proximal and the distal edge will be strapped.
+
+    Cuts shorter than ``NO_CUT`` of the cell are none.
+    """
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
+    a, b = (np.where(cuts < NO_CUT, 0.0, cuts) for cuts in (cut_map.a, cut_map.b))
+    cut_map = CutMap(a, b, cut_map.cell_mm)
     template = facet_template(intervals, order)
     half_cuts, mirrored = cut_map.facet_half_cuts()
     rows, columns = mirrored.shape

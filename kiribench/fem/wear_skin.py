@@ -30,19 +30,20 @@ def fill_nodes(xyz_mm: FloatArray) -> FloatArray:
     The sum of squared second differences along rows and columns is minimised.
 
     Raises:
-        NodesError: more than a tenth of the nodes are missing.
+        NodesError: more than a tenth of the nodes are missing, or some of a grid with fewer than
+            three rows or columns of nodes.
     """
     nodes = np.array(xyz_mm, dtype=np.float64)
     absent = ~np.isfinite(nodes).all(axis=2)
     if not absent.any():
         return nodes
-    if absent.mean() > _MOST_MISSING:
+    if absent.mean() > _MOST_MISSING or min(absent.shape) < 3:
         raise NodesError(
             "nodes-too-few",
             "Too many nodes are missing to fill them from their neighbours.",
             remedy="Digitise more of the grid.",
-            got=f"{int(absent.sum())} of {absent.size} missing",
-            expected=f"at most {_MOST_MISSING:.0%}",
+            got=f"{int(absent.sum())} of {absent.shape[0]} x {absent.shape[1]} missing",
+            expected=f"at most {_MOST_MISSING:.0%}, and a grid of 3 x 3 nodes or more",
         )
     rows, columns = absent.shape
     number = np.arange(rows * columns).reshape(rows, columns)

@@ -33,9 +33,6 @@ from kiribench.strain.measures import strain_of, stretch_of
 FloatArray = NDArray[np.float64]
 Surface = Literal["worn", "flat"]
 
-#: A cut shorter than this share of the cell (a micrometre or two) is none.
-NO_CUT = 1e-4
-
 #: The mesh that the mesh error is judged by has about so many elements less.
 COARSER = 0.6
 
@@ -364,8 +361,7 @@ def put_on(
     spec = replace(
         options.spec, elements_per_facet=elements, thickness_mm=design.thickness_mm, **pose
     )
-    a, b = (np.where(cuts < NO_CUT, 0.0, cuts) for cuts in (design.a, design.b))
-    cut_map = CutMap(a, b, design.cell_mm)
+    cut_map = CutMap(design.a, design.b, design.cell_mm)
     slides = 0 < spec.friction < np.inf
     path = ground.path if slides else None
     worn = wear_patch(cut_map, ground.surface, ground.origin_q_mm, spec, material, path=path)

@@ -23,6 +23,7 @@ from kiribench.fem.patch import simulate_patch
 from kiribench.fem.surface_map import Cylinder, Plane, SurfaceJet
 from kiribench.fem.wear import WearSpec, WornPatch, wear_patch
 from kiribench.fem.wear_measures import BREAKING_STRETCH
+from kiribench.fem.wear_mesh import NO_CUT
 from kiribench.lattice import CutMap
 
 MU = 0.207
@@ -295,6 +296,33 @@ def test_uniform_patches_on_the_shipped_knees(participant: str) -> None:
     # Held at both ends, the patch lengthens as the skin between them does.
     assert 1.2 < worn.longitudinal_stretch.mean() < 1.4
     assert worn.cpu_seconds < 30
+
+
+@pytest.mark.parametrize("faint", [2e-10, 1e-8, 0.99 * NO_CUT])
+def test_a_cut_too_short_to_be_cut_is_none(faint: float) -> None:
+    a, b = (np.array(one) for one in (_map().a, _map().b))
+    # At a strap and inside, and a column of faint cuts on both sides of a border.
+    b[0, 0] = b[1, 0] = b[1, 1] = a[2, 1] = 0.0
+    less, more = (np.where(one == 0, faint, one) for one in (a, b))
+    surface, spec = Plane(1.0, 1.3), WearSpec(6)
+    none = wear_patch(CutMap(a, b, 15.0), surface, ORIGIN, spec)
+    found = wear_patch(CutMap(less, more, 15.0), surface, ORIGIN, spec)
+    np.testing.assert_array_equal(_corners(found), _corners(none))
+    np.testing.assert_array_equal(found.tip_stress_mpa, none.tip_stress_mpa)
+
+
+def test_the_shortest_cut_that_is_modelled_changes_less_than_the_mesh_does() -> None:
+    a, b = (np.array(one) for one in (_map().a, _map().b))
+    b[0, 0] = a[1, 1] = 0.0
+    surface = Plane(1.0, 1.3)
+    none, finer = (
+        _corners(wear_patch(CutMap(a, b, 15.0), surface, ORIGIN, WearSpec(elements)))
+        for elements in (6, 16)
+    )
+    b[0, 0] = a[1, 1] = 1.01 * NO_CUT
+    least = _corners(wear_patch(CutMap(a, b, 15.0), surface, ORIGIN, WearSpec(6)))
+    # The cut itself would change 1e-8; its tip pulls the mesh along.
+    assert np.abs(least - none).max() < np.abs(none - finer).max()
 
 
 @pytest.mark.slow

@@ -37,6 +37,12 @@ def test_missing_nodes_are_put_where_the_grid_bends_least() -> None:
     gaps[:2] = np.nan
     with pytest.raises(NodesError, match="nodes-too-few"):
         fill_nodes(gaps)
+    # Two rows do not say how the grid bends along.
+    narrow = _nodes_of(Plane(), 2, 12)
+    np.testing.assert_array_equal(fill_nodes(narrow), narrow)
+    narrow[0, 5] = np.nan
+    with pytest.raises(NodesError, match="nodes-too-few"):
+        fill_nodes(narrow)
 
 
 def test_flatness_of_plane_cylinder_and_sphere() -> None:
