@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from kiribench.reference.given_table import TableComparison
     from kiribench.reference.placement import Placement
     from kiribench.schema.patch_design import PatchDesign
+    from kiribench.tensile.result import TensileTest
 
 SCHEMA = "kiribench.check/1"
 PLACEMENT_ELEMENTS = 6
@@ -89,7 +90,8 @@ def check(
     cell_mm
         Cell edge of a design table without a sidecar.
     data
-        Folder of the tensile test, for --reference tensile.
+        Folder of the tensile test, for --reference tensile: tables of 'kiribench tensile', or
+        the pictures.
     samples
         Draws of the Monte Carlo for intervals: the uncertainty of the skin's nodes.
     seed
@@ -428,20 +430,22 @@ def _gate(checked: list[CheckedDesign], fail_under: float | None) -> list[Fault]
 def _tensile(designs: list[PatchDesign], data: Path | None, common: Common) -> Outcome:
     from kiribench.reference.tensile import compare_tensile
     from kiribench.report.tensile_comparison_page import write_tensile_comparison
-    from kiribench.tensile.tables import read_tensile
 
     if data is None:
         raise UsageError(
             "check-no-tensile-data",
             "A comparison with a tensile test needs the test.",
-            remedy="Give its folder, as 'kiribench tensile' writes it, with --data.",
+            remedy="Give its folder, as 'kiribench tensile' writes it or of its pictures, "
+            "with --data.",
         )
-    test = read_tensile(data)
+    test = _tensile_test(data, common)
     found = [compare_tensile(one, test) for one in designs]
     if common.out is not None:
+        used: set[str] = set()
         for one, comparison in zip(designs, found, strict=True):
+            name = _file_name(one.method, used)
             write_tensile_comparison(
-                common.out / f"{one.method}_tensile.html", comparison, f"{one.method} and {data}"
+                common.out / f"{name}_tensile.html", comparison, f"{name} and {data.name}"
             )
     return Outcome(
         result={
@@ -452,6 +456,27 @@ def _tensile(designs: list[PatchDesign], data: Path | None, common: Common) -> O
                 for one, comparison in zip(designs, found, strict=True)
             ],
         },
-        text="\n\n".join(comparison.text for comparison in found),
-        inputs=tuple(one.file for one in designs if one.file is not None),
+        text="\n\n".join(
+            f"Design '{one.method}'"
+            + (f" ({one.file.name})" if one.file else "")
+            + ":\n"
+            + comparison.text
+            for one, comparison in zip(designs, found, strict=True)
+        ),
+        faults=test.warnings,
+        inputs=(*(one.file for one in designs if one.file is not None), *test.files),
     )
+
+
+def _tensile_test(data: Path, common: Common) -> TensileTest:
+    """The tables that ``kiribench tensile`` wrote, or the pictures, which are measured now."""
+    from kiribench.cli.progress import progress
+    from kiribench.tensile.measure import measure_frames
+    from kiribench.tensile.sidecar import NAMES
+    from kiribench.tensile.tables import CELLS_FILE, CURVE_FILE, read_tensile
+
+    tables = (data / CELLS_FILE).is_file() or (data / CURVE_FILE).is_file()
+    if tables or not any((data / name).is_file() for name in NAMES):
+        return read_tensile(data)
+    with progress("following", quiet=common.quiet) as advance:
+        return measure_frames(data, progress=advance)

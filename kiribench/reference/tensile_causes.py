@@ -179,8 +179,9 @@ def diagnose(
     best = max(single, key=lambda one: one.log_evidence, default=noise)
     for turn in range(ROUNDS):
         needless = best.log_evidence - noise.log_evidence < BEYOND_NOISE
+        enough = needless and noise.probability >= IMPLAUSIBLE
         done = turn > 0 and best.probability >= IMPLAUSIBLE
-        if again is None or not best.families or needless or done:
+        if again is None or not best.families or enough or done:
             break
         moved, anew = again(best)
         better = _explain(
@@ -191,7 +192,8 @@ def diagnose(
     tried = (noise, *single)
     best = max(single, key=lambda one: one.log_evidence, default=noise)
     alike = _alike(causes, covariance)
-    if best.log_evidence - noise.log_evidence < BEYOND_NOISE:
+    needless = best.log_evidence - noise.log_evidence < BEYOND_NOISE
+    if needless and noise.probability >= IMPLAUSIBLE:
         return Diagnosis("noise", noise, (noise,), tried, alike)
     tied = sorted(
         (one for one in single if best.log_evidence - one.log_evidence < TELL),

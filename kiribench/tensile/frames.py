@@ -307,7 +307,7 @@ def _gaps(paths: list[Path]) -> tuple[Fault, ...]:
     steps = np.diff(series)
     usual = int(np.median(steps))
     wide = np.flatnonzero(steps > usual)
-    if usual <= 0 or not len(wide) or len(wide) > 0.25 * len(steps):
+    if usual <= 0 or not len(wide) or len(wide) > max(1, 0.25 * len(steps)):
         return ()
     return tuple(
         Fault(

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -242,6 +243,16 @@ class _Markers:
         return self._follower.large_steps
 
 
+def _sample(declared: Sidecar) -> dict[str, Any]:
+    """What was said of the sample, as the record keeps it."""
+    said: dict[str, Any] = {}
+    if declared.sample is not None:
+        said["Specimen"] = declared.sample.model_dump(by_alias=True, exclude_none=True)
+    if declared.specimen:
+        said["SpecimenNotes"] = declared.specimen
+    return said
+
+
 def _pull(block: Block) -> FloatArray:
     """Unit vector of the rows' direction in the first picture."""
     ends = block.px(np.array([[0.0, block.columns / 2], [block.rows, block.columns / 2]]))
@@ -391,7 +402,7 @@ def _result(
             "Columns": columns,
             "PitchMm": declared.cells.pitch_mm,
             "Cut": declared.cut,
-            "Specimen": declared.specimen,
+            **_sample(declared),
             "View": view.record,
         },
         files=(path, *frames.paths, *table),

@@ -104,6 +104,24 @@ class Load(_Strict):
     columns: dict[Literal["time", "displacement", "force"], str] = Field(default_factory=dict)
 
 
+class Sample(_Strict):
+    """The sample as the simulation of a comparison has to know it; None is not said.
+
+    Attributes:
+        grip_mm: uncut band between the cells and the clamp, at either end, mm.
+        ends: ``held``: the clamps keep the width, ``sliding``: the ends are free to narrow.
+        mu_mpa, alpha: shear modulus and exponent of an Ogden law; 2 is neo-Hookean.
+        row, column: cell of the design at which the followed block begins.
+    """
+
+    grip_mm: float | None = Field(default=None, ge=0, alias="GripMm")
+    ends: Literal["held", "sliding"] | None = Field(default=None, alias="Ends")
+    mu_mpa: float | None = Field(default=None, ge=1e-6, alias="MuMpa")
+    alpha: float | None = Field(default=None, ge=0.5, alias="Alpha")
+    row: int | None = Field(default=None, ge=0, alias="Row")
+    column: int | None = Field(default=None, ge=0, alias="Column")
+
+
 class Sidecar(_Strict):
     """What the pictures show; see ``docs/tensile.md``.
 
@@ -119,6 +137,7 @@ class Sidecar(_Strict):
         lens: a calibration. target, ruler, mm_per_px: the scale.
         still_px: corners (x0, y0, x1, y1) of things that do not move: camera shake is removed.
         path: ``loading`` (growing stretch) or ``any``, for the check of the frames' order.
+        sample: the key ``Specimen``. specimen: anything else about the sample, kept.
     """
 
     marker: Literal["speckle", "dots", "grid", "slits"]
@@ -137,7 +156,15 @@ class Sidecar(_Strict):
     still_px: tuple[tuple[float, float, float, float], ...] = ()
     path: Literal["loading", "any"] = "loading"
     load: Load | None = None
+    sample: Sample | None = Field(default=None, alias="Specimen")
     specimen: dict[str, Any] = Field(default_factory=dict)
+
+    @model_validator(mode="after")
+    def _sample_apart(self) -> Sidecar:
+        known = {str(field.alias) for field in Sample.model_fields.values()}
+        if misplaced := sorted(known & set(self.specimen)):
+            raise ValueError(f'{", ".join(misplaced)} belongs under "Specimen", not "specimen"')
+        return self
 
     @model_validator(mode="after")
     def _one_scale(self) -> Sidecar:

@@ -14,6 +14,7 @@ import pytest
 
 from kiribench.errors import DataError
 from kiribench.tensile import measure_frames
+from kiribench.tensile.frames import list_frames
 from kiribench.tensile.result import MEASURED
 
 EXAMPLE = Path(__file__).parents[2] / "data" / "synthetic" / "tensile"
@@ -119,6 +120,12 @@ BAD: dict[str, tuple[str, Callable[[Path], object]]] = {
     "two sidecars": ("tensile-sidecar-twice", lambda f: (f / "tensile.toml").write_text("")),
     "marker": ("json-value", lambda f: change(f, marker="stripes")),
     "unknown key": ("json-key-unknown", lambda f: change(f, scale=3)),
+    "grips in the wrong place": (
+        "json-value",
+        lambda f: change(f, specimen={"GripMm": 10}),
+    ),
+    "unknown in Specimen": ("json-key-unknown", lambda f: change(f, Specimen={"Grip": 10})),
+    "ends": ("json-value", lambda f: change(f, Specimen={"Ends": "glued"})),
     "block outside": (
         "tensile-block",
         lambda f: cells(f, corners_px=[[100, 400], [200, 400], [200, 700], [100, 700]]),
@@ -183,6 +190,13 @@ def test_a_gap_in_the_numbers_is_a_warning(folder: Path) -> None:
     change(folder, frame_rate_hz=1.0)
     with pytest.raises(DataError, match="frame-times"):
         measure_frames(folder)
+
+
+def test_a_gap_in_a_short_series_is_a_warning(folder: Path) -> None:
+    (folder / NAMES[2]).unlink()
+    gap = [fault for fault in list_frames(folder, None).warnings if fault.code == "frame-gap"]
+    assert len(gap) == 1
+    assert gap[0].got == "3 after 1"
 
 
 def test_a_covered_cell_is_lost_and_marked_and_found_again(folder: Path) -> None:
