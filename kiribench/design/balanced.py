@@ -25,7 +25,7 @@ from scipy.sparse.linalg import splu
 
 from kiribench.design.cells import Cells, held_in_data
 from kiribench.design.reachable import Reachable
-from kiribench.design.response import KernelResponse, Response
+from kiribench.design.response import KernelResponse
 from kiribench.errors import UsageError
 
 FloatArray = NDArray[np.float64]
@@ -36,7 +36,7 @@ COARSE = 0.03  # step of the start's grid, fraction of the cell edge
 BLOCK = 250  # cells at a time
 LEAST_STRAIN = 0.005  # below it a cell has no force to speak of
 ITERATIONS = 200
-SMALL = 1e-10  # relative decrease that ends the iteration
+SMALL = 1e-4  # relative decrease; two such steps in a row end the iteration
 UNIQUE_SD = 10.0
 
 
@@ -61,10 +61,10 @@ class Balanced:
 class Terms:
     """The parts of the sum: cells with a target, cells in series, pairs of neighbours."""
 
-    nu: Response
+    nu: KernelResponse
     nu_cell: IntArray
     target: FloatArray
-    stress: Response
+    stress: KernelResponse
     stress_cell: IntArray
     log_strain: FloatArray
     column: IntArray
@@ -95,7 +95,7 @@ def balance(cells: Cells, span: Reachable) -> Balanced:
     terms = terms_of(cells, span)
     x = _start(terms, cells.high)
     x, objective = _descend(terms, x, cells.high)
-    log_stress = terms.log_strain + terms.stress.jet(x[terms.stress_cell]).value
+    log_stress = terms.log_strain + terms.stress.gradient(x[terms.stress_cell]).value
     full = np.full(terms.cells, np.nan)
     full[terms.stress_cell] = log_stress
     return Balanced(x, full, terms.force_of(log_stress), tuple(objective))
@@ -189,6 +189,7 @@ def _descend(terms: Terms, x: FloatArray, high: float) -> tuple[FloatArray, list
     damping = 1e-2
     value, slope, matrix = quadratic(terms, x)
     history = [value]
+    idle = 0
     for _ in range(ITERATIONS):
         flat = x.ravel()
         held = ((flat <= 0.0) & (slope > 0.0)) | ((flat >= high) & (slope < 0.0))
@@ -204,7 +205,8 @@ def _descend(terms: Terms, x: FloatArray, high: float) -> tuple[FloatArray, list
             x, (value, slope, matrix) = trial, new
             history.append(value)
             damping = max(damping / 4, 1e-9)
-            if gained < SMALL * (1.0 + value):
+            idle = idle + 1 if gained < SMALL * (1.0 + value) else 0
+            if idle == 2:
                 break
         else:
             damping *= 8
@@ -220,8 +222,8 @@ def quadratic(terms: Terms, x: FloatArray) -> tuple[float, FloatArray, csc_array
     are further unknowns behind the cuts, which keeps it sparse.
     """
     n, c = 2 * terms.cells, terms.columns
-    nu = terms.nu.jet(x[terms.nu_cell])
-    stress = terms.stress.jet(x[terms.stress_cell])
+    nu = terms.nu.gradient(x[terms.nu_cell])
+    stress = terms.stress.gradient(x[terms.stress_cell])
     miss = (nu.value - terms.target) / terms.poisson_sd
     log_stress = terms.log_strain + stress.value
     uneven = (log_stress - terms.force_of(log_stress)[terms.column]) / terms.force_sd

@@ -14,8 +14,8 @@ IntArray = NDArray[np.int64]
 Objective = Callable[[FloatArray, IntArray], Jet]
 
 ITERATIONS = 60
-CONVERGED = 1e-11  # projected slope; the functions are of order 1
-SMALL_STEP = 1e-9  # of the cell edge; Newton's next one would be its square
+CONVERGED = 1e-9  # projected slope; the functions are of order 1
+SMALL_STEP = 1e-8  # of the cell edge; Newton's next one would be its square
 LONGEST_STEP = 0.05
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from kiribench.design.limits import Limits
 from kiribench.design.options import DesignOptions
 from kiribench.design.problem import DesignProblem
-from kiribench.design.response import KernelResponse, Response
+from kiribench.design.response import KernelResponse
 from kiribench.design.surrogates import Surrogates
 from kiribench.errors import UsageError
 
@@ -38,7 +38,7 @@ class Cells:
     place: NDArray[np.int64]
     strain: FloatArray
     target: FloatArray
-    poisson: Response
+    poisson: KernelResponse
 
     def __len__(self) -> int:
         return len(self.place)

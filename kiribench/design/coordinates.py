@@ -103,32 +103,46 @@ def warp_jet(
     return value / norm, slope / norm, curvature / norm
 
 
-def correlation_parts(
-    family: str, d: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """A one-dimensional correlation k of signed scaled distances, in parts that multiply cheaply.
+@dataclass(frozen=True, eq=False)
+class Parts:
+    """A one-dimensional correlation k in parts that multiply cheaply.
+
+    Attributes:
+        exponent, factor: ``k = factor exp(-exponent)``.
+        slope: k' / k by the signed scaled distance.
+        curvature: k'' / k; empty where it was not asked for.
+    """
+
+    exponent: FloatArray
+    factor: FloatArray
+    slope: FloatArray
+    curvature: FloatArray
+
+
+def correlation_parts(family: str, d: FloatArray, *, curved: bool = True) -> Parts:
+    """The parts at signed scaled distances d of any shape.
 
     Rasmussen & Williams 2006, eq. 4.9 (Gaussian) and 4.16 (Matern 3/2, 5/2, 7/2).
-
-    Returns:
-        e, f, g, h with ``k = f exp(-e)``, ``k' = g k`` and ``k'' = h k``.
     """
+    none = np.zeros(0)
     if family == "gaussian":
         square = d * d
-        return 0.5 * square, np.ones_like(d), -d, square - 1.0
+        return Parts(0.5 * square, np.ones(1), -d, square - 1.0 if curved else none)
     root = {"matern32": 3.0, "matern52": 5.0, "matern72": 7.0}[family]
     s = math.sqrt(root) * np.abs(d)
     if family == "matern32":
         f = 1.0 + s
-        return s, f, -3.0 * d / f, -3.0 * (1.0 - s) / f
+        return Parts(s, f, -3.0 * d / f, -3.0 * (1.0 - s) / f if curved else none)
     if family == "matern52":
         f = 1.0 + s * (1.0 + s / 3.0)
         rate = -5.0 / (3.0 * f)
-        return s, f, rate * d * (1.0 + s), rate * (1.0 + s * (1.0 - s))
+        bend = rate * (1.0 + s * (1.0 - s)) if curved else none
+        return Parts(s, f, rate * d * (1.0 + s), bend)
     third = s / 3.0
     f = 1.0 + s * (1.0 + s * (0.4 + 0.2 * third))
     rate = -1.4 / f
-    return s, f, rate * d * (1.0 + s * (1.0 + third)), rate * (1.0 + s * (1.0 - third * s))
+    bend = rate * (1.0 + s * (1.0 - third * s)) if curved else none
+    return Parts(s, f, rate * d * (1.0 + s * (1.0 + third)), bend)
 
 
 def correlation(family: str, d: FloatArray) -> tuple[FloatArray, FloatArray]:

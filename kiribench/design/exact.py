@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kiribench.design.box_newton import SMALL_STEP, minimise_in_box
+from kiribench.design.patchwork import Patchwork
 from kiribench.design.reachable import Reachable, axis, reachable, starts_of
 from kiribench.design.response import Jet, Response
 
@@ -27,6 +28,7 @@ BLOCK = 500  # cells at a time
 ITERATIONS = 40
 LONGEST_STEP = 0.05
 ON_CURVE = 1e-10  # of Poisson's ratio
+ROUGH = 2e-3  # of the cell edge: by how much ends on the patches may be off
 WORSE = 0.03  # of the cell edge: a start that much farther out than the best cannot win
 
 
@@ -78,7 +80,8 @@ def _least_cuts(
     ticks = axis(high)
     target = targets[some]
     grid = response.on_grid(ticks, ticks, some)
-    span = reachable(response, high, grid, some)
+    patches = Patchwork.of(ticks, grid)
+    span = reachable(response, high, grid, some, patches)
     cuts = np.where((target > span.high)[:, None], span.at_high, span.at_low)
     # Within the range, or out of it by less than the tolerance: there is something to choose.
     open_ = span.distance(target) < tolerance
@@ -91,6 +94,10 @@ def _least_cuts(
     twice = np.tile(cells, 2)
     at_extreme = response.jet(extreme, some[twice]).value
     near = np.abs(at_extreme - target[twice]) <= tolerance
+    # On the patches first; then only what may still win goes on to the surrogate.
+    rough, _ = shortest_on_level(patches, points, cells[which], level, high)
+    keep = _may_win(rough, which, level)
+    points, which, level = rough[keep], which[keep], level[keep]
     ends, gap = shortest_on_level(response, points, some[cells[which]], level, high)
     good = gap <= ON_CURVE
     every = np.concatenate([ends[good], extreme[near]])
@@ -100,6 +107,25 @@ def _least_cuts(
     first = order[np.concatenate(([True], np.diff(cell[order]) > 0))] if len(order) else order
     cuts[cell[first]] = every[first]
     return cuts, span
+
+
+def _may_win(ends: FloatArray, which: IntArray, level: FloatArray) -> IntArray:
+    """Indices of the ends that are nearly the nearest of their cell, each place once.
+
+    Args:
+        ends: (k, 2) on the patches.
+        which: (k,) cells.
+        level: (k,) on which of the curves.
+    """
+    size = np.hypot(ends[:, 0], ends[:, 1])
+    least = np.full(which.max(initial=-1) + 1, np.inf)
+    np.minimum.at(least, which, size)
+    near = np.flatnonzero(size <= least[which] + ROUGH)
+    place = np.round(ends[near] / ROUGH)
+    _, first = np.unique(
+        np.column_stack([which[near], level[near], place]), axis=0, return_index=True
+    )
+    return np.asarray(near[first])
 
 
 def _crossings(

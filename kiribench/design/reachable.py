@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from kiribench.design.box_newton import minimise_in_box
+from kiribench.design.box_newton import Objective, minimise_in_box
+from kiribench.design.patchwork import Patchwork
 from kiribench.design.response import Jet, Response
 
 FloatArray = NDArray[np.float64]
@@ -18,6 +19,9 @@ GRID_STEP = 0.02
 
 STARTS = 4
 """Local extremes of the grid that Newton's method starts from, a cell, at most."""
+
+ROUGH = 5e-4
+"""Of Poisson's ratio: by how much extremes on the patches may be off."""
 
 BELOW_GRID = 0.02
 """By how much an extreme may exceed the nearest grid point: half the curvature (up to some 100 for
@@ -57,6 +61,7 @@ def reachable(
     high: float,
     grid: FloatArray | None = None,
     cells: IntArray | None = None,
+    patches: Patchwork | None = None,
 ) -> Reachable:
     """The global extremes: from the best local ones of a coarse grid, by Newton's method.
 
@@ -65,12 +70,14 @@ def reachable(
         high: longest cut, fraction.
         grid: (n, A, A) the response on :func:`axis`, if it is there already.
         cells: (n,) which cells; all by default.
+        patches: through the grid, if they are there already.
     """
     ticks = axis(high)
     which = np.arange(response.count) if cells is None else cells
     values = response.on_grid(ticks, ticks, which) if grid is None else grid
-    low, at_low = _least(response, which, values, ticks, 1.0)
-    high_, at_high = _least(response, which, -values, ticks, -1.0)
+    fast = Patchwork.of(ticks, values) if patches is None else patches
+    low, at_low = _least(response, fast, which, values, ticks, 1.0)
+    high_, at_high = _least(response, fast, which, -values, ticks, -1.0)
     return Reachable(low, -high_, at_low, at_high)
 
 
@@ -105,17 +112,32 @@ def starts_of(
 
 
 def _least(
-    response: Response, cells: IntArray, values: FloatArray, ticks: FloatArray, sign: float
+    response: Response,
+    patches: Patchwork,
+    cells: IntArray,
+    values: FloatArray,
+    ticks: FloatArray,
+    sign: float,
 ) -> tuple[FloatArray, FloatArray]:
-    """Minima of ``sign * response``: (n,) values and (n, 2) points."""
+    """Minima of ``sign * response``: (n,) values and (n, 2) points; on the patches first."""
     points, cell = starts_of(values, ticks, STARTS, within=BELOW_GRID)
-
-    def objective(x: FloatArray, which: IntArray) -> Jet:
-        at = response.jet(x, cells[cell[which]])
-        return Jet(sign * at.value, sign * at.slope, sign * at.curvature)
-
-    points = minimise_in_box(objective, points, float(ticks[-1]))
+    high = float(ticks[-1])
+    points = minimise_in_box(_signed(patches, cell, sign), points, high)
+    rough = sign * patches.jet(points, cell).value
+    best = np.full(len(values), np.inf)
+    np.minimum.at(best, cell, rough)
+    keep = rough <= best[cell] + ROUGH
+    points, cell = points[keep], cell[keep]
+    points = minimise_in_box(_signed(response, cells[cell], sign), points, high)
     value = sign * response.jet(points, cells[cell]).value
     order = np.lexsort((value, cell))
     first = order[np.concatenate(([True], np.diff(cell[order]) > 0))]
     return value[first], points[first]
+
+
+def _signed(response: Response, cells: IntArray, sign: float) -> Objective:
+    def objective(x: FloatArray, which: IntArray) -> Jet:
+        at = response.jet(x, cells[which])
+        return Jet(sign * at.value, sign * at.slope, sign * at.curvature)
+
+    return objective

@@ -38,6 +38,9 @@ def test_it_is_the_models_mean(model: str) -> None:
 def test_derivatives_against_finite_differences(model: str) -> None:
     response = KernelResponse.of(surrogates(model).poisson, STRAIN)
     at, step = response.jet(POINTS), 1e-4
+    without = response.gradient(POINTS)
+    np.testing.assert_allclose(without.value, at.value, rtol=1e-13)
+    np.testing.assert_allclose(without.slope, at.slope, rtol=1e-10, atol=1e-12)
     for axis in range(2):
         shift = step * np.eye(2)[axis]
         ahead, behind = response.jet(POINTS + shift), response.jet(POINTS - shift)
@@ -101,9 +104,9 @@ def test_every_kernel_against_torchs_differentiation(
 @pytest.mark.parametrize("family", list(FAMILIES))
 def test_parts_multiply_to_the_correlation(family: str) -> None:
     d = np.linspace(-3, 3, 13)
-    e, f, _, _ = correlation_parts(family, d)
+    parts = correlation_parts(family, d)
     expected = FAMILIES[family](torch.tensor(np.abs(d))).numpy()
-    np.testing.assert_allclose(f * np.exp(-e), expected, rtol=1e-13)
+    np.testing.assert_allclose(parts.factor * np.exp(-parts.exponent), expected, rtol=1e-13)
     exponent, factor = correlation(family, d)
     np.testing.assert_allclose(factor * np.exp(-exponent), expected, rtol=1e-13)
 

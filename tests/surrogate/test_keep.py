@@ -208,3 +208,52 @@ def test_strain_measures_are_not_mixed_and_numbers_are_finite(model_file: Path) 
 def test_extrapolation_is_marked(model_file: Path) -> None:
     inside = load(model_file).predict([50, 50, 2], [50, 50, 50], [0.3, 0.9, 0.3]).inside
     assert inside.tolist() == [True, False, False]
+
+
+def with_stress(table: DesignSpace, stress: FloatArray) -> DesignSpace:
+    from dataclasses import replace
+
+    return replace(table, nominal_stress_mpa=stress)
+
+
+@pytest.mark.parametrize("name", ["gp", "gp_kronecker", "svgp"])
+def test_the_nominal_stress_is_kept_beside_poissons_ratio(name: str, tmp_path: Path) -> None:
+    a, e = SMALL.a_percent / 100, SMALL.longitudinal_strain
+    truth = e * 0.6 * np.exp(-2 * a)
+    kept = fit_table(with_stress(SMALL, truth), name, max_evaluations=10)
+    save(kept, tmp_path / "m.safetensors")
+    again = load(tmp_path / "m.safetensors")
+    points = (SMALL.a_percent, SMALL.b_percent, e)
+    for model in (kept, again):
+        stress = model.predict_stress(*points, measure="log")
+        np.testing.assert_allclose(stress.mean, truth, rtol=0.02)
+        assert stress.sd is not None and (stress.sd > 0).all()
+    np.testing.assert_allclose(
+        kept.predict_stress(*points).mean, again.predict_stress(*points).mean, rtol=1e-9
+    )
+    np.testing.assert_allclose(kept.predict(*points).mean, again.predict(*points).mean, atol=1e-9)
+    with safe_open(tmp_path / "m.safetensors", framework="numpy") as stream:
+        names = set(stream.keys())
+    assert "stress.designs" not in names  # the same as those of Poisson's ratio: once
+
+
+def test_the_papers_table_with_its_stress_fits_into_200_kb(tmp_path: Path) -> None:
+    table = space(21, np.linspace(0.05, 0.75, 25))
+    stress = table.longitudinal_strain * np.exp(-table.a_percent / 30)
+    kept = fit_table(with_stress(table, stress), "gp_kronecker", max_evaluations=2)
+    save(kept, tmp_path / "m.safetensors")
+    assert (tmp_path / "m.safetensors").stat().st_size <= MOST_BYTES
+
+
+def test_stress_that_is_partly_missing_and_models_without_it(tmp_path: Path) -> None:
+    stress = SMALL.longitudinal_strain * 0.5
+    stress[3] = np.nan
+    kept = fit_table(with_stress(SMALL, stress), "gp_kronecker", max_evaluations=3)
+    assert kept.stress is not None and kept.stress.summary["rows"] == len(stress) - 1
+    save(kept, tmp_path / "m.safetensors")
+    assert load(tmp_path / "m.safetensors").stress is not None
+    plain = fit_table(SMALL, "gp_kronecker", max_evaluations=3)
+    with pytest.raises(UsageError) as caught:
+        plain.predict_stress(50, 50, 0.2)
+    assert caught.value.code == "surrogate-without-stress"
+    assert fit_table(with_stress(SMALL, stress), "polynomial").stress is None
