@@ -98,6 +98,8 @@ def strain_figure(curve: Curve, *, name: str = "tensile-strain") -> Html:
         axes.axhline(0.0, color=INK, linewidth=0.6)
         axes.set_xlabel("frame")
         axes.set_ylabel(f"strain ({curve.measure})")
-        axes.xaxis.get_major_locator().set_params(integer=True)
+        from matplotlib.ticker import MaxNLocator
+
+        axes.xaxis.set_major_locator(MaxNLocator(integer=True))
         axes.legend(frameon=False, fontsize=9)
         return inline_svg(figure, name, "Strains of the cells frame by frame")
