@@ -20,10 +20,11 @@ import numpy as np
 from kiribench.conformability.score import ScoreOptions
 from kiribench.dataset import Dataset
 from kiribench.design.methods import design_patch
-from kiribench.design.problem import problem_from_subject
+from kiribench.design.problem import DesignProblem, problem_from_subject
 from kiribench.design.skin import skin_of
 from kiribench.design.surrogates import Surrogates
 from kiribench.design.worn import KneeModel, design_worn, worn_table
+from kiribench.errors import NotConvergedError
 from kiribench.lattice import CutMap
 from kiribench.reference.check import CheckOptions, KneeGround, check_design
 from kiribench.reference.export import check_object
@@ -114,35 +115,53 @@ def run(folder: Path, methods: tuple[str, ...], only: tuple[str, ...]) -> None:
         subject = Dataset.open(root).subject(label)
         skin = skin_of(subject)
         problem = problem_from_subject(subject, strain_measure="log")
-        ground = KneeGround(skin)
         options = CheckOptions(elements=CONFIRM, score=ScoreOptions(samples=200))
         model = KneeModel(skin)
         for method in wanted:
-            began = time.process_time()
-            if method == "robust":
-                from kiribench.design.robust import design_robust
-
-                kept = read_design(folder / "designs" / label / "worn")
-                fast = FastOverlap.of(skin)
-                made_robust = design_robust(model, CutMap(kept.a, kept.b, kept.cell_mm),
-                                            fast.overlap)  # fmt: skip
-                design = worn_table(kept, made_robust, method="robust")
-            elif method == "worn":
-                start = design_patch("balanced", problem, models).design
-                found = design_worn(model, CutMap(start.a, start.b, start.cell_mm))
-                design = worn_table(start, found)
-            elif method == "uniform":
-                like = design_patch("uniform", problem, models).design
-                checked, _ = best_uniform(like, ground, replace(options, elements=6))
-                design = checked.design
-            else:
-                design = design_patch(method, problem, models).design
-            spent = time.process_time() - began
-            write_design(folder / "designs" / label / method, design)
-            line = judged(label, unseen, method, design, ground, options, spent)
+            try:
+                line = one(label, unseen, method, folder, model, problem, models, options)
+            except NotConvergedError as error:
+                # No answer is no success: it counts as a patch without a satisfactory cell.
+                print(f"{label} {method}: {error}", flush=True)
+                values = ["0.0000"] * 9
+                line = "\t".join(
+                    [label, "yes" if unseen else "no", method, *values,
+                     "not-converged", "0.0", "0.0", str(CONFIRM)]
+                )  # fmt: skip
             with (folder / "study.tsv").open("a", encoding="utf-8") as table:
                 table.write(line + "\n")
             print(line, flush=True)
+
+
+def one(
+    label: str, unseen: bool, method: str, folder: Path, model: KneeModel,
+    problem: DesignProblem, models: Surrogates, options: CheckOptions,
+) -> str:  # fmt: skip
+    """Design, keep and judge one patch; a line of the table."""
+    skin = model.skin
+    ground = KneeGround(skin)
+    began = time.process_time()
+    if method == "robust":
+        from kiribench.design.robust import design_robust
+
+        kept = read_design(folder / "designs" / label / "worn")
+        fast = FastOverlap.of(skin)
+        made_robust = design_robust(model, CutMap(kept.a, kept.b, kept.cell_mm),
+                                    fast.overlap)  # fmt: skip
+        design = worn_table(kept, made_robust, method="robust")
+    elif method == "worn":
+        start = design_patch("balanced", problem, models).design
+        found = design_worn(model, CutMap(start.a, start.b, start.cell_mm))
+        design = worn_table(start, found)
+    elif method == "uniform":
+        like = design_patch("uniform", problem, models).design
+        checked, _ = best_uniform(like, ground, replace(options, elements=6))
+        design = checked.design
+    else:
+        design = design_patch(method, problem, models).design
+    spent = time.process_time() - began
+    write_design(folder / "designs" / label / method, design)
+    return judged(label, unseen, method, design, ground, options, spent)
 
 
 def judged(
