@@ -290,9 +290,11 @@ def _simulated(
         objects.append(content)
         text.append("\n".join(lines))
     failed = _gate(checked[: len(designs)], fail_under)
-    from kiribench.report.check_words import check_verdict
+    from kiribench.report.check_words import DRAWN_NOTE, check_verdict
 
     verdict = check_verdict(checked)
+    synthetic = subject is not None and _synthetic(subject)
+    drawn = synthetic and subject is not None and subject.has("flex090worn")
     result = {
         "schema": SCHEMA,
         "participant": None if subject is None else subject.id,
@@ -302,10 +304,12 @@ def _simulated(
         "fail_under": fail_under,
         "passed": not failed,
         "verdict": verdict,
+        "worn_scan": DRAWN_NOTE if drawn else None,
         "designs": objects,
     }
     if common.out is not None:
-        _write(common.out, checked, tolerances, objects, subject)
+        _write(common.out, checked, tolerances, objects, synthetic=synthetic, drawn=drawn)
+    text += [DRAWN_NOTE] if drawn else []
     text += [fault.what for fault in failed]
     text.append(f"Verdict: {verdict}")
     files = [table.file for table in designs if table.file is not None]
@@ -370,7 +374,9 @@ def _write(
     checked: list[CheckedDesign],
     tolerances: list[Placement | None],
     objects: list[dict[str, Any]],
-    subject: Subject | None,
+    *,
+    synthetic: bool,
+    drawn: bool,
 ) -> None:
     from kiribench.reference.export import check_rows, check_sidecar
     from kiribench.report.check_page import write_check_page
@@ -388,14 +394,15 @@ def _write(
     if "placement" in objects[0]:
         first = json.dumps(objects[0]["placement"], indent=2) + "\n"
         (out / "placement.json").write_text(first, encoding="utf-8")
-    synthetic = subject is not None and "synthetic" in _dataset_name(subject)
-    write_check_page(out / f"{stem}check.html", checked, tolerances, synthetic=synthetic)
+    page = out / f"{stem}check.html"
+    write_check_page(page, checked, tolerances, synthetic=synthetic, drawn=drawn)
 
 
-def _dataset_name(subject: Subject) -> str:
+def _synthetic(subject: Subject) -> bool:
     from kiribench.dataset import Dataset
+    from kiribench.report.gather import is_synthetic
 
-    return Dataset.open(subject.root).description.name.lower()
+    return is_synthetic(Dataset.open(subject.root).description)
 
 
 def _file_name(method: str, used: set[str]) -> str:

@@ -162,6 +162,8 @@ def design(
         )
     else:
         results = [design_patch(method, problem, models, limits, options) for problem in problems]
+    if targets.is_dir():
+        results = [_from(_dataset(targets), result) for result in results]
     text = "\n\n".join(design_text(result) for result in results)
     files: list[str] = []
     if common.out is not None:
@@ -186,6 +188,19 @@ def design(
         faults=_warnings(problems),
         inputs=(surrogate, *(path for problem in problems for path in problem.files)),
     )
+
+
+def _dataset(targets: Path) -> Path:
+    """The dataset: a subject's own folder stands for it."""
+    return targets.parent if targets.name.startswith("sub-") else targets
+
+
+def _from(dataset: Path, result: Designed) -> Designed:
+    """The sidecar names the dataset, so that ``check`` finds the subject."""
+    from dataclasses import replace
+
+    settings = {**result.design.settings, "Dataset": dataset.as_posix()}
+    return replace(result, design=replace(result.design, settings=settings))
 
 
 def _on_skin(
@@ -216,10 +231,11 @@ def _on_skin(
             remedy="Give the dataset's folder instead of the table.",
             file=targets,
         )
-    root = targets.parent if targets.name.startswith("sub-") else targets
     results = []
     for problem in problems:
-        skin = skin_of(Dataset.open(root).subject(problem.participant), denoise=denoise)
+        skin = skin_of(
+            Dataset.open(_dataset(targets)).subject(problem.participant), denoise=denoise
+        )
         overlap = None
         if method == "robust":
             overlap = partial(FastOverlap.of(skin).overlap, definition="paper")
@@ -293,7 +309,8 @@ def _measured(
         )
     # A subject's own folder stands for the dataset and the participant.
     if folder.name.startswith("sub-") and not participant:
-        folder, participant = folder.parent, (folder.name,)
+        participant = (folder.name,)
+    folder = _dataset(folder)
     dataset = Dataset.open(folder)
     return each(
         chosen(dataset, participant),

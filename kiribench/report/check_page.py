@@ -14,7 +14,7 @@ from kiribench.lattice import CutMap
 from kiribench.reference.check import CheckedDesign, FlatGround, KneeGround
 from kiribench.reference.export import check_object
 from kiribench.reference.placement import DIRECTIONS, Placement, placement_text
-from kiribench.report.check_words import PREDICTED_NOTE, check_verdict
+from kiribench.report.check_words import DRAWN_NOTE, PREDICTED_NOTE, check_verdict
 from kiribench.report.figures.check_course import course_figure
 from kiribench.report.figures.definitions import definition_map
 from kiribench.report.figures.grades import grade_map
@@ -38,6 +38,7 @@ def write_check_page(
     tolerances: Sequence[Placement | None],
     *,
     synthetic: bool = False,
+    drawn: bool = False,
 ) -> Path:
     """Write the page.
 
@@ -46,12 +47,13 @@ def write_check_page(
         checked: designs of one patch on one ground; the first is shown in full.
         tolerances: one a design, or None.
         synthetic: the skin is computed, and the page says so first.
+        drawn: it has a worn scan whose misfit was drawn; the page says why none is compared.
 
     Returns:
         ``path``.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
-    page = check_page(checked, tolerances, synthetic=synthetic)
+    page = check_page(checked, tolerances, synthetic=synthetic, drawn=drawn)
     path.write_text(page, encoding="utf-8", newline="\n")
     return path
 
@@ -61,6 +63,7 @@ def check_page(
     tolerances: Sequence[Placement | None],
     *,
     synthetic: bool = False,
+    drawn: bool = False,
 ) -> str:
     """The whole HTML document; the same designs give the same text."""
     first = checked[0]
@@ -72,7 +75,7 @@ def check_page(
         _errors(first),
         _placement(checked, tolerances),
         _course(checked),
-        _record(first),
+        _record(first, drawn),
     ]
     body = text([_head(checked, synthetic), tag("main", [one for one in sections if one])])
     who = first.design.participant or "a patch"
@@ -397,7 +400,7 @@ def _course(checked: Sequence[CheckedDesign]) -> Html | None:
     )
 
 
-def _record(first: CheckedDesign) -> Html:
+def _record(first: CheckedDesign, drawn: bool) -> Html:
     options = first.options
     friction = "full stick" if np.isinf(options.spec.friction) else f"{options.spec.friction:g}"
     return tag(
@@ -418,6 +421,7 @@ def _record(first: CheckedDesign) -> Html:
                 "computed on the bare scan. Intervals hold the uncertainty of the skin's nodes.",
                 "Not in it: bending, contact of the cut faces, thickness, viscosity, a skin that "
                 "gives way, and everything that a person does while putting it on.",
+                *([DRAWN_NOTE] if drawn else []),
             ]
         ),
         id="record",

@@ -9,6 +9,12 @@ from kiribench.report.words import listing, percent
 
 PREDICTED_NOTE = "Predicted is not worn: all of this was simulated, and nobody wore the patch."
 
+DRAWN_NOTE = (
+    "The synthetic subject has a worn scan too, but its misfit was drawn at random, and no design "
+    "and no mechanics made it. Predicted and worn satisfactory ratios have nothing to agree in, "
+    "so they are not compared."
+)
+
 
 def check_verdict(checked: Sequence[CheckedDesign], *, note: bool = True) -> str:
     """One or two sentences: the best design, the others, and what limits it.

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import shutil
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +14,7 @@ from elbow import elbow_design, elbow_root
 
 from kiribench.cli import main
 from kiribench.reference.export import COLUMNS
+from kiribench.report.check_words import DRAWN_NOTE
 from kiribench.schema.patch_design import write_design
 
 
@@ -133,8 +136,6 @@ def test_wrong_calls(design: Path, run: Any, tmp_path: Path) -> None:
 
 def test_a_design_of_another_patch_is_refused(run: Any, tmp_path: Path) -> None:
     other = elbow_design()
-    from dataclasses import replace
-
     cut = {name: getattr(other, name)[:4] for name in ("a", "b", "region", "reason")}
     path = write_design(tmp_path / "short", replace(other, **cut))
     exit_code, _, err = run(path, "--subject", elbow_root(), *QUICK)
@@ -144,3 +145,33 @@ def test_a_design_of_another_patch_is_refused(run: Any, tmp_path: Path) -> None:
     exit_code, _, err = run(path, "--subject", elbow_root(), *QUICK)
     assert exit_code == 2
     assert "check-cell" in err
+
+
+def test_a_drawn_misfit_is_said_to_be_one(design: Path, run: Any, tmp_path: Path) -> None:
+    root = tmp_path / "data"
+    shutil.copytree(elbow_root(), root)
+    # A misfit can only have been drawn where the data is synthetic and there is a worn scan.
+    for file in list(root.rglob("*flex090_scan*")):
+        shutil.copy(file, file.with_name(file.name.replace("flex090", "flex090worn")))
+    _, out, _ = run(design, "--subject", root, *QUICK)
+    assert DRAWN_NOTE not in out
+    about = root / "dataset_description.json"
+    about.write_text(json.dumps({**json.loads(about.read_text()), "Synthetic": True}))
+    _, out, _ = run(design, "--subject", root, *QUICK, "--out", tmp_path / "out")
+    assert DRAWN_NOTE in out
+    assert out.strip().splitlines()[-1].startswith("Verdict")
+    assert DRAWN_NOTE in (tmp_path / "out" / "sub-E1_check.html").read_text()
+    assert json.loads((tmp_path / "out" / "check.json").read_text())["worn_scan"] == DRAWN_NOTE
+    for file in list(root.rglob("*flex090worn*")):
+        file.unlink()
+    _, out, _ = run(design, "--subject", root, *QUICK)
+    assert DRAWN_NOTE not in out
+
+
+def test_the_sidecar_leads_to_the_subject(run: Any, tmp_path: Path) -> None:
+    named = replace(elbow_design(0.6, 0.6), settings={"Dataset": elbow_root().as_posix()})
+    path = write_design(tmp_path / "elsewhere", named)
+    exit_code, out, _ = run(path, *QUICK, "--json")
+    assert exit_code == 0
+    assert json.loads(out)["surface"] == "worn"
+    assert json.loads(out)["participant"] == "E1"

@@ -60,6 +60,7 @@ def test_a_table_to_cuts_and_a_page(
     assert np.nanmax(np.abs(error)) == pytest.approx(patch["error"]["largest"], abs=1e-8)
     assert max(design.a.max(), design.b.max()) <= 0.9
     assert design.settings["Limits"]["BoundPercent"] == pytest.approx(90)
+    assert "Dataset" not in design.settings
     page = (tmp_path / "design.html").read_text()
     assert page.count("<svg") == (9 if method == "paper" else 8)
     assert ("Generations of CMA-ES" in page) == (method == "paper")
@@ -114,6 +115,8 @@ def test_a_dataset_of_two_poses(
     assert outcome.result["patches"][0]["participant"] == "S2"
     found = read_design(tmp_path)
     assert found.shape == (12, 6) and found.cell_mm == 15
+    # So that check finds the subject; a table of targets knows of none.
+    assert found.settings["Dataset"] == shipped.as_posix()
     assert sorted(set(found.region.ravel())) == ["I", "LI", "LS", "MI", "MS", "P", "S"]
 
 
