@@ -13,6 +13,8 @@ from kiribench.design.result import REASONS, Designed
 
 FloatArray = NDArray[np.float64]
 
+_UNSEEN = ("strain-below-data", "strain-beyond-data")
+
 
 def design_object(result: Designed) -> dict[str, Any]:
     """The JSON object of one patch in ``kiribench.design/1``."""
@@ -21,6 +23,9 @@ def design_object(result: Designed) -> dict[str, Any]:
     known = np.isfinite(error)
     names, counts = np.unique(design.reason[design.reason != ""], return_counts=True)
     absolute = np.abs(error[known])
+    # At a strain that was never simulated nothing is known to be met.
+    unseen = np.isin(design.reason[known], _UNSEEN)
+    met = (absolute <= result.options.tolerance + 1e-9) & ~unseen
     return {
         "participant": design.participant,
         "method": design.method,
@@ -29,7 +34,8 @@ def design_object(result: Designed) -> dict[str, Any]:
         "columns": design.shape[1],
         "cells": int(error.size),
         "with_target": int(known.sum()),
-        "within_tolerance": int((absolute <= result.options.tolerance + 1e-9).sum()),
+        "within_tolerance": int(met.sum()),
+        "unseen_strain": int(unseen.sum()),
         "tolerance": result.options.tolerance,
         "out_of_reach": int((distance[known] > 1e-6).sum()),
         "largest_distance": float(distance[known].max()),
@@ -112,6 +118,8 @@ def _verdict(told: dict[str, Any]) -> str:
             f", {beyond} are out of reach of any allowed cuts, by at most "
             f"{told['largest_distance']:.3f}"
         )
+    if told["unseen_strain"]:
+        words += f", {told['unseen_strain']} ask for strains that the surrogate has not seen"
     if filled:
         words += f", {filled} cells had none and are filled in"
     return words + ". Predicted is not worn: kiribench check tells how it sits."

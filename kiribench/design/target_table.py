@@ -220,7 +220,9 @@ def _numbers(
         low, high = _RANGES[name]
         with np.errstate(invalid="ignore"):
             bad = ~absent & ~((values >= low) & (values <= high))
-        percent = name.endswith("_strain") and bool(np.nanmax(np.abs(values), initial=0.0) > 5.0)
+        percent = name.endswith("_strain") and bool(
+            (np.abs(values[np.isfinite(values)]) > 5.0).any()
+        )
         for index in np.flatnonzero(bad):
             fault(
                 "targets-value",
@@ -264,12 +266,12 @@ def _doubled(cells: list[tuple[int, int]], path: Path) -> list[Fault]:
                 )
             )
         seen.add(cell)
-    if min(r for r, _ in cells) > 0 and min(c for _, c in cells) > 0:
+    if min(r for r, _ in cells) > 0 or min(c for _, c in cells) > 0:
         faults.append(
             Fault(
                 "targets-from-one",
-                "Neither row 0 nor column 0 has a cell.",
-                "Number rows and columns from 0.",
+                "Row 0 or column 0 has no cell.",
+                "Number rows and columns from 0; a cell without a target gets n/a.",
                 file=str(path),
                 got=f"from row {min(r for r, _ in cells)}, col {min(c for _, c in cells)}",
             )

@@ -163,12 +163,14 @@ def _errors(result: Designed, *, mirrored: bool) -> Html:
                 "By the surrogate's own prediction. Hatched: no target, cuts filled in.",
             )
         )
-    words = (
-        f"No cell misses its target Poisson's ratio by more than {largest:.4f}, by the "
-        "surrogate's own prediction."
-        if not blocks
-        else None
-    )
+    words = None
+    if not blocks:
+        words = (
+            f"No cell misses its target Poisson's ratio by more than {largest:.4f}, by the "
+            "surrogate's own prediction."
+        )
+        if np.char.startswith(design.reason, "strain-").any():
+            words += " Where the target strain was not simulated, it is that of the nearest one."
     logs = np.log(np.where(result.nominal_stress_mpa > 0, result.nominal_stress_mpa, np.nan))
     known = np.isfinite(logs)
     if known.any():

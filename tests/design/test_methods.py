@@ -134,6 +134,22 @@ def test_balanced_meets_targets_and_forces_where_both_can_be_met() -> None:
     )
 
 
+def _residuals(terms, x: np.ndarray) -> np.ndarray:  # type: ignore[no-untyped-def]
+    """Of targets, forces and neighbours, in the order of the docs."""
+    logs = (terms.log_strain + terms.stress.jet(x).value).reshape(-1, terms.columns)
+    field = x.reshape(*logs.shape, 2)
+    apart = [np.diff(field, axis=axis).ravel() / terms.neighbour_sd for axis in (0, 1)]
+    miss = (terms.nu.jet(x).value - terms.target) / terms.poisson_sd
+    return np.concatenate([miss, ((logs - logs.mean(axis=0)) / terms.force_sd).ravel(), *apart])
+
+
+def _by_differences(function, x: np.ndarray, step: float = 1e-6) -> np.ndarray:  # type: ignore[no-untyped-def]
+    """(residuals, x.size) central differences."""
+    shifts = step * np.eye(x.size).reshape(-1, *x.shape)
+    columns = [(function(x + s) - function(x - s)) / (2 * step) for s in shifts]
+    return np.column_stack(columns)
+
+
 def test_balanced_is_a_minimum_of_what_it_says_it_minimises() -> None:
     from kiribench.design import balanced
 
@@ -167,6 +183,13 @@ def test_balanced_is_a_minimum_of_what_it_says_it_minimises() -> None:
         shift = shift.reshape(-1, 2)
         numeric = (objective(found.cuts + shift) - objective(found.cuts - shift)) / (2 * step)
         assert numeric == pytest.approx(slope[index], abs=0.02 + 1e-3 * abs(numeric))
+    # The sparse matrix, its columns' forces eliminated, is Gauss and Newton's by differences.
+    gauss_newton = _by_differences(lambda x: _residuals(terms, x), found.cuts)
+    matrix = balanced.quadratic(terms, found.cuts)[2].toarray()
+    n = found.cuts.size
+    ours = matrix[:n, :n] - matrix[:n, n:] @ np.linalg.solve(matrix[n:, n:], matrix[n:, :n])
+    expected = gauss_newton.T @ gauss_newton + np.eye(n) / 100
+    np.testing.assert_allclose(ours, expected, atol=1e-5 * np.abs(expected).max())
     rng = np.random.default_rng(0)
     for _ in range(20):
         other = np.clip(found.cuts + 0.01 * rng.normal(size=found.cuts.shape), 0, 0.95)
@@ -208,9 +231,15 @@ def test_reasons_and_fills(method: str) -> None:
     assert np.isnan(result.error[0, 2]) and np.isfinite(result.design.a).all()
     told = design_object(result)
     assert (told["with_target"], told["cells"], told["out_of_reach"]) == (8, 9, 2)
+    # A strain that was never simulated counts as met in no method.
+    seen = ~np.char.startswith(reason, "strain-") & np.isfinite(result.error)
+    met = np.abs(result.error[seen]) <= options.tolerance + 1e-9
+    assert (told["within_tolerance"], told["unseen_strain"]) == (int(met.sum()), 2)
     words = design_text(result)
     assert "2 are out of reach" in words and "1 cells had none and are filled in" in words
-    assert words.splitlines()[-1].startswith("  Verdict: ")
+    verdict = words.splitlines()[-1]
+    assert verdict.startswith("  Verdict: ") and "every target" not in verdict
+    assert "2 ask for strains that the surrogate has not seen" in verdict
 
 
 def test_a_filled_cell_lies_between_its_neighbours() -> None:

@@ -103,6 +103,13 @@ def changed(line: int, text: str) -> list[str]:
             "from 0",
         ),
         (
+            ["row\tcol\tlongitudinal_strain\tpoisson_ratio", "1\t0\t0.2\t0.1", "2\t0\t0.2\t0.1"],
+            {"StrainMeasure": "log"},
+            "targets-from-one",
+            "from row 1, col 0",
+        ),
+        (changed(2, "0\t1\tinf\t0.1"), {"StrainMeasure": "log"}, "targets-value", "n/a"),
+        (
             ["row\tcol\tlongitudinal_strain\tpoisson_ratio", "0\t0\tn/a\tn/a"],
             {"StrainMeasure": "log"},
             "targets-empty",
