@@ -268,6 +268,14 @@ def _rings(
             f"{outline.hausdorff_distance(rim):.3f} mm off",
             f"within {tolerance_mm:g} mm",
         )
+    elif outline is not None and not _same_size(outline, rim, tolerance_mm):
+        found.error(
+            "outline-changed",
+            "The outline has another width or length than the design's.",
+            "Check the scale: export it again in millimetres, with six digits.",
+            _size_words(outline),
+            _size_words(rim),
+        )
     slots = [Polygon(s.flattened()) for s in expected.of("slot")]
     marks = [Polygon(s.flattened()) for s in expected.of("label", "info") if s.closed]
     inner = list(range(int(outline is not None), len(rings)))
@@ -300,6 +308,18 @@ def _rings(
             f"({place.x:.2f}, {place.y:.2f}) mm",
         )
     return outline, windows
+
+
+def _same_size(one: Polygon, two: Polygon, tolerance_mm: float) -> bool:
+    """Whether width and length agree: rings about one centre may lie near and yet do not."""
+    size, wanted = (np.array(ring.bounds[2:]) - ring.bounds[:2] for ring in (one, two))
+    # svgelements counts 25.39999 mm an inch: one part in a million.
+    return bool(np.all(np.abs(size - wanted) <= tolerance_mm + 1e-6 * wanted))
+
+
+def _size_words(ring: Polygon) -> str:
+    x0, y0, x1, y1 = ring.bounds
+    return f"{x1 - x0:.4f} x {y1 - y0:.4f} mm"
 
 
 def _without_marks(

@@ -47,7 +47,7 @@ class Export:
 
 
 def stem(plan: PatchPlan) -> str:
-    """``sub-ID`` or ``patch``."""
+    """``sub-ID``, or ``design`` without a subject."""
     return f"sub-{plan.design.participant}" if plan.design.participant else "design"
 
 

@@ -262,11 +262,18 @@ def _ligaments(
     kerf_mm: float,
     ligament_mm: float,
 ) -> list[tuple[float, tuple[float, float]]]:
-    """(width, place) of every bridge that is not far wider than allowed, and of the narrowest."""
-    if not lines:
-        return []
+    """(width, place) of every bridge that is not far wider than allowed."""
     found = []
     reach = kerf_mm + 3 * ligament_mm + 1.0
+    edges = [outline.exterior, *[window.exterior for window in windows]]
+    for k, edge in enumerate(edges):
+        for other in edges[:k]:
+            if edge.distance(other) < reach:
+                bridge = shapely.shortest_line(edge, other)
+                place = bridge.centroid
+                found.append((bridge.length - kerf_mm, (place.x, place.y)))
+    if not lines:
+        return found
     pairs = STRtree(lines).query(lines, predicate="dwithin", distance=reach)
     for i, j in pairs.T:
         if i < j:
@@ -275,9 +282,8 @@ def _ligaments(
                 place = bridge.centroid
                 found.append((bridge.length - kerf_mm, (place.x, place.y)))
     near = 1.02 * reach  # so that the rim of what is left out is out of reach
-    rings = [outline.exterior, *[window.exterior for window in windows]]
     tree = STRtree(lines)
-    for ring in rings:
+    for ring in edges:
         for i in tree.query(ring, predicate="dwithin", distance=reach):
             line, edge = lines[i], ring
             mouths = [Point(p) for p in line.coords if ring.distance(Point(p)) < SAME_MM]

@@ -258,6 +258,16 @@ def test_scale_factors_by_name(tmp_path, good, factor, name):
     assert found.measured["scale"] == pytest.approx(factor, rel=1e-4)
 
 
+@pytest.mark.parametrize(("growth_mm", "named"), [(0.007, False), (0.014, True), (0.019, True)])
+def test_extents_are_held_to_the_tolerance_and_not_to_twice_of_it(tmp_path, good, growth_mm, named):
+    """Laid centre on centre, a drawing that is 0.019 mm too long is off by half of it."""
+    long = np.ptp(good.of("outline")[0].points_mm[:, 1])
+    text = _scaled(write_svg(good, PLAIN), 1 + growth_mm / long)
+    found = _verify(tmp_path, good, good, text=text)
+    assert ("outline-changed" in _errors(found)) == named
+    assert found.passed != named
+
+
 def test_missing_view_box(tmp_path, good):
     text = re.sub(r' viewBox="[^"]*"', "", write_svg(good, PLAIN))
     found = _verify(tmp_path, good, good, text=text)

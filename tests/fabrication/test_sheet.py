@@ -35,6 +35,16 @@ def test_the_width_of_a_bridge_is_the_distance_less_the_kerf():
     )
 
 
+def test_the_rim_of_a_window_is_a_bridge_too():
+    """Window to the sheet's edge, and window to window; a kerf of the rim's width parts them."""
+    edge = box(0.6, 4, 3, 8)
+    assert _judge([], windows=[edge]).ligament_mm == pytest.approx(0.4)
+    assert _codes(_judge([], windows=[edge])) == {"ligament-thin"}
+    near = [box(4, 4, 6, 8), box(6.9, 4, 9, 8)]
+    assert _judge([], windows=near).ligament_mm == pytest.approx(0.7)
+    assert _judge([], windows=near).faults == ()
+
+
 def test_a_notchs_own_mouth_is_no_bridge_but_the_far_edge_is():
     sheet = _judge([[(0, 5), (0.3, 5)], [(0, 10), (19.4, 10)]])
     assert sheet.ligament_mm == pytest.approx(0.4)
