@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.linalg import LinAlgError, cho_solve_banded, cholesky_banded
 
-from kiribench.fem.batches import LANES, expand_block, reduce_block
+from kiribench.fem.batches import LANES, expand_block, negative_pivots, reduce_block
 from kiribench.fem.surface_map import SurfaceJet, SurfaceMap
 from kiribench.fem.wear_kernels import membrane_block, membrane_energy
 from kiribench.fem.wear_mesh import PatchMesh, facet_plan
@@ -204,7 +204,17 @@ class WearSystem:
             )
         except LinAlgError:
             self._factor = None
-        return force, self._factor is not None and bool(np.isfinite(self._factor[0]).all())
+        definite = self._factor is not None and bool(np.isfinite(self._factor[0]).all())
+        # What was eliminated counts as well (Haynsworth 1968): the condensed matrix alone can be
+        # positive definite where the tangent is not. A projected one has no negative part.
+        definite = definite and (
+            projected
+            or not any(
+                negative_pivots(group.store, group.plan.pivot, len(group.facets))
+                for group in self.groups
+            )
+        )
+        return force, definite
 
     def solve_kept(self, right: FloatArray) -> FloatArray:
         """Solution of the condensed equations for right sides (size,) or (size, k)."""

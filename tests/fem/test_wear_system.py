@@ -157,3 +157,19 @@ def test_faces_part_and_ligaments_hold() -> None:
             here = np.flatnonzero((np.abs(x - 5 * p) < 1e-9) & (np.abs(y - 5 * q) < 1e-9))
             assert len(here) == 2
             np.testing.assert_array_equal(count[here], 2)
+
+
+def test_what_the_condensation_hides_is_not_called_positive_definite() -> None:
+    system, mesh, q = _system(Sphere(40.0), 6, 2)
+    jet = system.jet(relax(system, q).q)
+    inside = np.setdiff1d(mesh.nodes[5], mesh.nodes[5][np.unique(mesh.template.edges)])
+    extra = np.zeros((len(q), 4))
+    _, definite = system.linearise(jet, extra=extra)
+    assert definite
+    # A soft spring of negative stiffness on one node inside of a facet: with so much of it the
+    # tangent and its eliminated block have one negative eigenvalue each, so the condensed
+    # matrix has none, and its Cholesky factors exist.
+    extra[inside[0], 0] = -1e3 * MU
+    _, definite = system.linearise(jet, extra=extra)
+    assert np.isfinite(system.solve_kept(np.ones(system.size))).all()
+    assert not definite
