@@ -151,8 +151,9 @@ def no_window(strokes):
 
 
 def hoop_cut_off(strokes):
+    """Two of the four mm beyond the windows: what is left is a rim that holds."""
     points = strokes[-1].points_mm.copy()
-    points[points[:, 1] < points[:, 1].min() + 2, 1] += 5.0
+    points[points[:, 1] < points[:, 1].min() + 2, 1] += 2.0
     return [*strokes[:-1], replace(strokes[-1], points_mm=points)]
 
 
@@ -381,6 +382,14 @@ def test_other_layers_colours_and_origin_are_no_fault(tmp_path, good):
     assert found.faults == ()
     alone = _verify(tmp_path, good, None, text=text)
     assert "layer-unknown" in _warnings(alone)
+
+
+def test_an_outline_that_cuts_into_the_windows_is_thin_too(tmp_path, good):
+    def deeper(strokes):
+        return hoop_cut_off([*strokes[:-1], hoop_cut_off(strokes)[-1]])
+
+    found = _verify(tmp_path, _with(good, deeper), good)
+    assert _errors(found) >= {"outline-changed", "ligament-thin"}
 
 
 def test_marks_that_were_dropped_are_a_warning(tmp_path, good):
