@@ -296,9 +296,10 @@ def _notes(
     design: PatchDesign, specimen: Specimen, measured: Measured, response: Response
 ) -> tuple[str, ...]:
     rows, columns = design.shape
-    placed = "is taken to begin" if specimen.row is not None else "is taken to lie in the middle"
+    stated = specimen.row is not None or specimen.column is not None
+    placed = "lies where it was stated in" if stated else "is taken to lie in the middle of"
     notes = [
-        f"The followed block {placed} of the {rows} x {columns} cells: rows "
+        f"The followed block {placed} the {rows} x {columns} cells: rows "
         f"{measured.row.min()} to {measured.row.max()}, columns {measured.col.min()} to "
         f"{measured.col.max()}.",
         f"Simulated as {specimen.material} with {specimen.ends} ends and uncut bands of "

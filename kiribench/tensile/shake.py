@@ -15,6 +15,8 @@ Float32Array = npt.NDArray[np.float32]
 STAY = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 """The affine map (2, 3) of a camera that stood still."""
 _ZNCC = 0.7
+_AWAY_PX = 60
+"""A thing that is not where it was last is looked for so far around."""
 _CONTRAST = 6.0
 """Standard deviation of grey levels, more than a sensor's noise."""
 
@@ -47,6 +49,10 @@ class StillThings:
                 file=file,
                 got=str(boxes[at]),
             )
+        self._looks = [
+            first[round(y - v) : round(y + v) + 1, round(x - u) : round(x + u) + 1].copy()
+            for (x, y), (u, v) in zip(self._centre, half, strict=True)
+        ]
         self._view = view
         self._rest = view.plane(self._centre)
         self._warp = np.zeros((len(corner), 6))
@@ -60,6 +66,9 @@ class StillThings:
         matches = match(picture, self._templates, self._warp, reach_px=40.0)
         good = (matches.code == FOUND) & (matches.zncc >= _ZNCC)
         if not good.all():
+            matches = match(picture, self._templates, self._sought(picture))
+            good = (matches.code == FOUND) & (matches.zncc >= _ZNCC)
+        if not good.all():
             return STAY, float("nan")
         self._warp = matches.warp
         now = self._view.plane(self._centre + matches.warp[:, :2])
@@ -71,3 +80,23 @@ class StillThings:
         shift = b.mean() - turn * a.mean()
         matrix = np.array([[turn.real, -turn.imag], [turn.imag, turn.real]])
         return np.column_stack([matrix, [shift.real, shift.imag]]), size
+
+    def _sought(self, picture: Float32Array) -> FloatArray:
+        """(m, 6) warps, to a pixel, of where the things look most as at first."""
+        import cv2
+
+        start = self._warp.copy()
+        rows, columns = picture.shape
+        for k, look in enumerate(self._looks):
+            high, wide = look.shape
+            x, y = np.round(self._centre[k] + self._warp[k, :2]).astype(int)
+            left, top = max(x - wide // 2 - _AWAY_PX, 0), max(y - high // 2 - _AWAY_PX, 0)
+            right = min(x + wide // 2 + _AWAY_PX + 1, columns)
+            bottom = min(y + high // 2 + _AWAY_PX + 1, rows)
+            if right - left < wide or bottom - top < high:
+                continue
+            score = cv2.matchTemplate(picture[top:bottom, left:right], look, cv2.TM_CCOEFF_NORMED)
+            _, _, _, (u, v) = cv2.minMaxLoc(score)
+            there = np.array([left + u + wide // 2, top + v + high // 2])
+            start[k] = [*(there - self._centre[k]), 0, 0, 0, 0]
+        return start

@@ -2,13 +2,17 @@
 
 ``.venv/bin/python tests/benchmarks/bench_tensile.py [frames]`` ends with 1 if the strain of the
 real frames is farther than .002 from the tracked reference, or if 100 frames of 12 Mpx take more
-than 60 CPU seconds, all threads together: on an idle machine the wall time is no longer. The two
+than 60 s of wall time on 2 cores. Both wall and CPU seconds are printed, and the load of the
+machine before the start: where other programs leave less than two idle cores, wall time says
+nothing of this one, and the CPU seconds of all its threads together are held to the same 60
+instead; the line says which was judged. The two
 programs of the first part take turns.
 """
 
 from __future__ import annotations
 
 import json
+import os
 import statistics
 import sys
 import tempfile
@@ -118,6 +122,7 @@ def large_frames(count: int) -> bool:
         folder = Path(name)
         write_large(folder, count)
         size = sum(path.stat().st_size for path in folder.iterdir()) / 1e6
+        busy, cores = others_load(), len(os.sched_getaffinity(0))
         began, cpu = time.perf_counter(), time.process_time()
         test = measure_frames(folder)
         wall, spent = time.perf_counter() - began, time.process_time() - cpu
@@ -126,9 +131,30 @@ def large_frames(count: int) -> bool:
     print(
         f"{count} frames of 12 Mpx (JPEG, {size:.0f} MB), 12 cells as if cut, 720 subsets: "
         f"{wall:.1f} s wall, {spent:.1f} s CPU; {100 * test.measured.mean():.0f} % of readings, "
-        f"largest error of log strain {error:.5f} (limit {LIMIT_S * count / FRAMES:.0f} s)"
+        f"largest error of log strain {error:.5f}"
     )
-    return spent < LIMIT_S * count / FRAMES
+    loaded = cores - busy < 1.5
+    judged = spent if loaded else wall
+    print(
+        f"{cores} cores, {busy:.1f} of them busy with other programs: judged by "
+        f"{'CPU' if loaded else 'wall'} time, {judged:.1f} of {LIMIT_S * count / FRAMES:.0f} s"
+    )
+    return judged < LIMIT_S * count / FRAMES
+
+
+def others_load() -> float:
+    """Cores that other programs keep busy now, over one idle second of this one."""
+
+    def ticks() -> tuple[int, int]:
+        with Path("/proc/stat").open() as stream:
+            numbers = [int(word) for word in stream.readline().split()[1:9]]
+        return sum(numbers), numbers[3] + numbers[4]
+
+    whole, idle = ticks()
+    time.sleep(1.0)
+    whole_later, idle_later = ticks()
+    share = 1 - (idle_later - idle) / max(whole_later - whole, 1)
+    return share * (os.cpu_count() or 1)
 
 
 if __name__ == "__main__":

@@ -9,6 +9,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from tolerances import TENSILE_STRAIN
 
 from kiribench.errors import TableError
 from kiribench.tensile import MEASURED, measure_frames, read_tensile, write_tensile
@@ -83,7 +84,9 @@ def test_markers_without_a_rim_are_said_to_be_alike() -> None:
     assert pairing.shifted or pairing.ambiguous
 
 
-def example(folder: Path, frames: int, shift: tuple[float, float] = (0.0, 0.0)) -> Path:
+def example(
+    folder: Path, frames: int, shift: tuple[float, float] = (0.0, 0.0), zoom: float = 1.0
+) -> Path:
     """The first frames of the example; the last one moved with everything in it."""
     folder.mkdir()
     content = json.loads((EXAMPLE / "tensile.json").read_text())
@@ -95,8 +98,8 @@ def example(folder: Path, frames: int, shift: tuple[float, float] = (0.0, 0.0)) 
         for x in (3, 313):  # a still thing on either side
             thing = np.random.default_rng(x).integers(0, 200, (9, 9)).astype(np.uint8)
             picture[40:76, x : x + 32] = cv2.resize(thing, (32, 36), interpolation=cv2.INTER_CUBIC)
-        if k == frames - 1 and shift != (0.0, 0.0):
-            matrix = np.array([[1.0, 0, shift[0]], [0, 1.0, shift[1]]])
+        if k == frames - 1 and (zoom != 1 or shift != (0.0, 0.0)):
+            matrix = np.array([[zoom, 0, shift[0]], [0, zoom, shift[1]]])
             picture = cv2.warpAffine(picture, matrix, picture.shape[::-1], flags=cv2.INTER_CUBIC)
         cv2.imwrite(str(folder / name), picture)
     (folder / "tensile.json").write_text(
@@ -113,6 +116,16 @@ def test_camera_shake_is_removed_and_said(tmp_path: Path) -> None:
     )
     said = next(note for note in moved.notes if "camera motion" in note)
     assert float(said.split()[-2]) == pytest.approx(np.hypot(3.3, 2.6), abs=0.1)
+
+
+def test_a_camera_that_comes_nearer_is_no_strain(tmp_path: Path) -> None:
+    still = measure_frames(example(tmp_path / "still", 2))
+    zoomed = measure_frames(example(tmp_path / "zoomed", 2, (-2.0, 17.0), zoom=1.01))
+    assert not zoomed.warnings
+    for name in ("longitudinal_stretch", "lateral_stretch"):
+        np.testing.assert_allclose(
+            getattr(zoomed, name)[1], getattr(still, name)[1], atol=TENSILE_STRAIN
+        )
 
 
 def test_tables_come_back(tmp_path: Path) -> None:
