@@ -317,6 +317,10 @@ CURVE_COVERAGE = 0.89
 95 %. A study of 200 draws found .99 to 1 under white noise, .95 to .98 under errors with a
 correlation length of .03 to .1 of the range."""
 
+PART_OF_WHITE_NOISE = 0.05
+"""Fraction: of the standard deviation of white noise that the mixture over correlated errors may
+count as misfit instead; each case keeps some weight, however unlikely."""
+
 # --- tensile ---
 
 TENSILE_SUBSET_PX = 0.01

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from tolerances import CURVE_COVERAGE, PARAMETER_ROUNDING
+from tolerances import CURVE_COVERAGE, PARAMETER_ROUNDING, PART_OF_WHITE_NOISE
 
 from kiribench.calibration.compare import given_modulus, left_out, set_up_errors, verdict
 from kiribench.calibration.curve import StrainRange, TensileCurve
+from kiribench.calibration.discrepancy import parameter_uncertainty
 from kiribench.calibration.fit import LAW_NAMES, fit_law, scores
 from kiribench.calibration.laws import Law, OgdenSum, Yeoh, bar_stress, terms_of
 from kiribench.calibration.read import read_curve
@@ -106,6 +107,23 @@ def test_intervals_hold_the_truth_under_white_noise(name: str, law: Law) -> None
 def test_intervals_hold_the_truth_under_related_errors() -> None:
     covered = _coverage("ogden", Ogden(0.112, 3.29), correlated=0.1, draws=60)
     assert (covered >= CURVE_COVERAGE).all()
+
+
+def test_the_part_by_noise_is_that_of_least_squares() -> None:
+    """Under white noise: s^2 / sum(x^2) for the one slope of a neo-Hookean law."""
+    rng = np.random.default_rng(0)
+    stretch = np.linspace(1.02, 2.0, 120)
+    slope = stretch - stretch**-2
+    ratio = []
+    for _ in range(15):
+        noise = rng.normal(0, 2e-3, 120)
+        residual = noise - slope * (slope @ noise) / (slope @ slope)
+        expected = np.sqrt(residual @ residual / 119 / (slope @ slope))
+        found = parameter_uncertainty(slope[:, None], residual, stretch)
+        assert found.sd[0] >= expected
+        ratio.append(found.noise_sd[0] / expected)
+    # A little of white noise may always pass for misfit.
+    assert 1 - PART_OF_WHITE_NOISE < np.median(ratio) <= 1.0
 
 
 def test_related_errors_widen_the_interval() -> None:
