@@ -19,13 +19,15 @@ from kiribench.design.robust import Overlap, design_robust
 from kiribench.design.skin import Skin
 from kiribench.design.surrogates import Surrogates
 from kiribench.design.worn import KneeModel, design_worn, worn_settings
-from kiribench.errors import UsageError
+from kiribench.errors import NotConvergedError, UsageError
 from kiribench.lattice import CutMap
 
 KNEE_METHODS: dict[str, str] = {
     "worn": "corners of the simulated worn patch on their nodes, by Gauss-Newton",
     "robust": "the same, good on average over errors of placement and of the nodes",
 }
+#: Where a design on the skin starts from, the first that can be worn.
+STARTS = ("balanced", "exact", "uniform")
 #: Confirmed on a mesh that the design has not seen.
 CONFIRM_ELEMENTS = 16
 
@@ -48,14 +50,14 @@ def design_on_skin(
         method: a key of :data:`KNEE_METHODS`.
         problem, surrogates: of the start, and of what the table says beside the cuts.
         skin: the flexed skin.
-        start: method of the start; None is ``balanced`` where the surrogate knows the stress,
-            else ``exact``.
+        start: method of the start; None is the first of :data:`STARTS` that has an
+            equilibrium on the skin, without ``balanced`` where the surrogate knows no stress.
         overlap: for ``robust``: corners in skin coordinates to overlaps.
         progress: called with (done, total) steps.
 
     Raises:
         UsageError: the method is unknown, or ``robust`` without ``overlap``.
-        NotConvergedError: the start has no equilibrium on the skin.
+        NotConvergedError: no start has an equilibrium on the skin.
     """
     if method not in KNEE_METHODS or (method == "robust" and overlap is None):
         raise UsageError(
@@ -66,13 +68,22 @@ def design_on_skin(
             expected=", ".join(KNEE_METHODS),
         )
     limits, options = limits or Limits(), options or DesignOptions()
-    begin = start or ("exact" if surrogates.poisson.stress is None else "balanced")
-    first = design_patch(begin, problem, surrogates, limits, options)
+    starts = [start] if start else list(STARTS)
+    if start is None and surrogates.poisson.stress is None:
+        starts.remove("balanced")
     model = KneeModel(skin)
-    found = design_worn(
-        model, CutMap(first.design.a, first.design.b, problem.cell_mm), limits, progress=progress
-    )
-    seconds = first.cpu_seconds + found.cpu_seconds
+    seconds = 0.0
+    for begin in starts:
+        first = design_patch(begin, problem, surrogates, limits, options)
+        seconds += first.cpu_seconds
+        cuts_at_first = CutMap(first.design.a, first.design.b, problem.cell_mm)
+        try:
+            found = design_worn(model, cuts_at_first, limits, progress=progress)
+            break
+        except NotConvergedError:
+            if begin == starts[-1]:
+                raise
+    seconds += found.cpu_seconds
     settings = worn_settings(found, begin)
     if method == "robust" and overlap is not None:
         found = design_robust(model, found.cut_map, overlap, limits)
@@ -97,10 +108,16 @@ def design_on_skin(
         settings=settings,
         cpu_seconds=seconds + confirmed.cpu_seconds,
         notes=(
+            *(
+                [f"No equilibrium was found on the mesh of {CONFIRM_ELEMENTS}: not confirmed."]
+                if confirmed.status != "ok"
+                else []
+            ),
             f"On the skin, simulated: corners {rms:.2f} mm (rms) from their nodes, "
             f"{apart.max():.2f} mm at most, on a mesh of {CONFIRM_ELEMENTS} elements a facet edge "
             "that the design has not seen. Predicted is not worn.",
-            f"{found.at_bounds} of {2 * found.cut_map.a.size} cuts are at a bound.",
+            f"Started from {begin}; {found.at_bounds} of {2 * found.cut_map.a.size} cuts are at "
+            "a bound.",
         ),
     )
     # What a uniform sheet of such cuts would do is beside the point here.

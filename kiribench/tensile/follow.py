@@ -14,7 +14,15 @@ import numpy as np
 import numpy.typing as npt
 
 from kiribench.tensile.elements import Elements
-from kiribench.tensile.icgn import FOUND, OUTSIDE, Matches, Templates, make_templates, match
+from kiribench.tensile.icgn import (
+    DIVERGED,
+    FOUND,
+    OUTSIDE,
+    Matches,
+    Templates,
+    make_templates,
+    match,
+)
 from kiribench.tensile.relocate import Keypoints
 
 FloatArray = npt.NDArray[np.float64]
@@ -25,6 +33,8 @@ StringArray = npt.NDArray[np.str_]
 
 _COARSEST = 20.0
 """Edge of an element in the smallest picture, px."""
+_ANY_STEP = 2.0
+"""Step, px, up to which a subset may want to move off the place that its element gives it."""
 _RETURN_PX = 0.5
 """A relocated element that is matched back must come home within this."""
 
@@ -291,12 +301,36 @@ class Follower:
         matches = match(picture, looks, start, reach_px=reach)
         good = (matches.code == FOUND) & (matches.zncc >= self._options.subset_zncc)
         good &= _sound(matches.warp)
+        self._by_element(picture, looks, start, matches, good)
         px, warp, sd = np.full((n, 2), np.nan), np.full((n, 6), np.nan), np.full((n, 2), np.nan)
         warp[use[good]] = matches.warp[good]
         px[use[good]] = e.subset_centre[use[good]] + matches.warp[good, :2]
         sd[use[good]] = matches.sd_px[good]
         where = np.where(found.good[:, None], found.warp, np.nan)
         return Followed(where, found.zncc, status, px, warp, sd)
+
+    def _by_element(
+        self,
+        picture: Float32Array,
+        looks: Templates,
+        start: FloatArray,
+        matches: Matches,
+        good: BoolArray,
+    ) -> None:
+        """Where noise keeps a subset from settling, its element says where it is.
+
+        Six numbers from a few grains are more than noisy pictures tell; the element has five
+        times the points. The subset has to correlate there by itself: what is covered stays lost.
+        Changes ``matches`` and ``good``.
+        """
+        rest = np.flatnonzero(looks.good & (matches.code == DIVERGED))
+        if not len(rest):
+            return
+        there = match(picture, looks.some(rest), start[rest], iterations=1, tolerance_px=_ANY_STEP)
+        fine = (there.code == FOUND) & (there.zncc >= self._options.subset_zncc)
+        kept = rest[fine]
+        matches.warp[kept], matches.sd_px[kept] = start[kept], there.sd_px[fine]
+        good[kept] = _sound(start[kept])
 
 
 @dataclass(eq=False)

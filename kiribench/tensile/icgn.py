@@ -105,7 +105,7 @@ def match(
     templates: Templates,
     start: FloatArray,
     *,
-    iterations: int = 30,
+    iterations: int = 60,
     tolerance_px: float = 5e-4,
     reach_px: float = 12.0,
 ) -> Matches:

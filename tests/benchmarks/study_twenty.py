@@ -20,10 +20,11 @@ import numpy as np
 from kiribench.conformability.score import ScoreOptions
 from kiribench.dataset import Dataset
 from kiribench.design.methods import design_patch
+from kiribench.design.on_skin import design_on_skin
 from kiribench.design.problem import DesignProblem, problem_from_subject
 from kiribench.design.skin import skin_of
 from kiribench.design.surrogates import Surrogates
-from kiribench.design.worn import KneeModel, design_worn, worn_table
+from kiribench.design.worn import KneeModel, worn_table
 from kiribench.errors import NotConvergedError
 from kiribench.lattice import CutMap
 from kiribench.reference.check import CheckOptions, KneeGround, check_design
@@ -150,9 +151,7 @@ def one(
                                     fast.overlap)  # fmt: skip
         design = worn_table(kept, made_robust, method="robust")
     elif method == "worn":
-        start = design_patch("balanced", problem, models).design
-        found = design_worn(model, CutMap(start.a, start.b, start.cell_mm))
-        design = worn_table(start, found)
+        design = design_on_skin("worn", problem, models, skin).design
     elif method == "uniform":
         like = design_patch("uniform", problem, models).design
         checked, _ = best_uniform(like, ground, replace(options, elements=6))

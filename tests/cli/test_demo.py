@@ -16,6 +16,9 @@ import kiribench.cli.demo as module
 from kiribench.cli.command import Common
 from kiribench.cli.demo import demo, find_synthetic
 
+#: One worker runs the command once for all of these.
+pytestmark = pytest.mark.xdist_group("demo")
+
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, subprocess.CompletedProcess[str]]:
