@@ -204,6 +204,20 @@ def test_the_lens_is_estimated_from_printed_dots(tmp_path: Path) -> None:
     assert bend == pytest.approx(np.linalg.norm(true - flat, axis=1).max(), rel=0.15)
 
 
+def test_coarse_grains_and_noise_are_measured_by_whole_elements(tmp_path: Path) -> None:
+    """Grains as wide as a subset in noisy pictures: few subsets settle, every element does."""
+    pulled = mapped(((1.0, 1.0, 0.0), (1.05, 0.98, 0.0), (1.1, 0.96, 0.0)))
+    look = Look(blur_px=1.2, noise=7.0)
+    folder = rendered(tmp_path / "coarse", pulled, speckle(grain_mm=1.2), "speckle", look=look)
+    test = measure_frames(folder)
+    assert test.measured.all()
+    truth = json.loads((folder / "truth.json").read_text())
+    for name in ("longitudinal_stretch", "lateral_stretch"):
+        expected = np.log(np.array(truth[name])).reshape(3, -1).mean(axis=1)
+        found = np.log(getattr(test, name)).mean(axis=1)
+        np.testing.assert_allclose(found, expected, atol=TENSILE_STRAIN)
+
+
 def test_a_still_camera_gives_zero_within_its_stated_noise(tmp_path: Path) -> None:
     pulled = mapped(((1.0, 1.0, 0.0),) * 4)
     for noise in (1.5, 6.0):
