@@ -16,19 +16,21 @@ import kiribench.cli.demo as module
 from kiribench.cli.command import Common
 from kiribench.cli.demo import demo, find_synthetic
 
-#: One worker runs the command once for all of these.
-pytestmark = pytest.mark.xdist_group("demo")
+Run = tuple[Path, subprocess.CompletedProcess[str]]
 
 
-@pytest.fixture(scope="module")
-def run(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, subprocess.CompletedProcess[str]]:
-    out = tmp_path_factory.mktemp("demo") / "reports"
+def demonstrate(out: Path, *options: str) -> Run:
     done = subprocess.run(
-        [sys.executable, "-m", "kiribench", "demo", "--out", str(out)],
+        [sys.executable, "-m", "kiribench", "demo", "--out", str(out), *options],
         capture_output=True, text=True, timeout=580, check=False,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     return out, done
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
+    return demonstrate(tmp_path_factory.mktemp("demo") / "reports", "--no-designs")
 
 
 def test_it_ends_with_the_path_of_the_index(
@@ -57,10 +59,9 @@ def test_table_and_verdict_say_the_same_as_the_json(
     assert "Nobody was scanned" in done.stdout
 
 
-def test_the_designs_of_the_first_subject_are_checked_and_exported(
-    run: tuple[Path, subprocess.CompletedProcess[str]],
-) -> None:
-    out, done = run
+@pytest.mark.slow  # two CPU minutes
+def test_the_designs_of_the_first_subject_are_checked_and_exported(tmp_path: Path) -> None:
+    out, done = demonstrate(tmp_path / "reports")
     result = json.loads((out / "demo.json").read_text(encoding="utf-8"))
     designs = {entry["method"]: entry for entry in result["designs"]}
     assert set(designs) == {"worn", "balanced", "exact", "paper", "best uniform"}
