@@ -23,13 +23,18 @@ COMMITTED = Path(__file__).parents[2] / "data" / "synthetic"
 RECORDS = COMMITTED / "derivatives" / "kiribench"
 """What the analysis made of the data; not the generator's."""
 
-OTHERS = COMMITTED / "design_space"
-"""Another reference table beside the subjects."""
+OTHERS = (COMMITTED / "design_space", COMMITTED / "tensile")
+"""Tables of the design space and pictures of a pulled sheet, beside the subjects; other tests
+judge them."""
 
 
 def _files(root: Path) -> list[Path]:
-    kept = [p for p in sorted(root.rglob("*")) if p.is_file() and OTHERS not in p.parents]
-    return [p for p in kept if RECORDS not in p.parents]
+    left_out = (RECORDS, *OTHERS)
+    return [
+        path
+        for path in sorted(root.rglob("*"))
+        if path.is_file() and not any(folder in path.parents for folder in left_out)
+    ]
 
 
 def _hashes(root: Path) -> dict[str, str]:
