@@ -219,6 +219,7 @@ def _on_skin(
     from functools import partial
 
     from kiribench.cli.progress import progress
+    from kiribench.conformability.result import GOOD_FROM
     from kiribench.dataset import Dataset
     from kiribench.design.on_skin import design_on_skin
     from kiribench.design.skin import skin_of
@@ -236,14 +237,12 @@ def _on_skin(
         skin = skin_of(
             Dataset.open(_dataset(targets)).subject(problem.participant), denoise=denoise
         )
-        overlap = None
-        if method == "robust":
-            overlap = partial(FastOverlap.of(skin).overlap, definition="paper")
+        overlap = partial(FastOverlap.of(skin).overlap, definition="paper")
         with progress(f"wearing {problem.participant}", quiet=quiet) as advance:
             results.append(
                 design_on_skin(
                     method, problem, models, skin, limits, options,
-                    start=start, overlap=overlap, progress=advance,
+                    start=start, overlap=overlap, good_from=GOOD_FROM, progress=advance,
                 )
             )  # fmt: skip
     return results

@@ -43,6 +43,19 @@ class Limits:
                     expected=f"0 <= {name}" + ("" if high == np.inf else f" < {high:g}"),
                 )
 
+        # A share where percent are asked for: nobody cuts slits of less than 1 % of a cell.
+        if 0 < self.longest_percent <= 1:
+            raise UsageError(
+                "limit-percent",
+                f"The longest cut is given in percent: {self.longest_percent:g} means "
+                f"{self.longest_percent:g} % of the cell edge.",
+                remedy=f"Did you mean {100 * self.longest_percent:g}?"
+                if self.longest_percent < 1
+                else "Give percent, such as 90.",
+                got=self.longest_percent,
+                expected="more than 1, less than 100 (percent)",
+            )
+
     def longest(self, cell_mm: float) -> float:
         """Longest allowed cut / cell edge.
 

@@ -14,12 +14,13 @@ from kiribench.design.methods import design_patch
 from kiribench.design.options import DesignOptions
 from kiribench.design.problem import DesignProblem
 from kiribench.design.reachable import reachable
-from kiribench.design.result import Designed
+from kiribench.design.result import Designed, OnSkin
 from kiribench.design.robust import Overlap, design_robust
 from kiribench.design.skin import Skin
 from kiribench.design.surrogates import Surrogates
-from kiribench.design.worn import KneeModel, design_worn, worn_settings
+from kiribench.design.worn import KneeModel, design_worn, distances, worn_settings
 from kiribench.errors import NotConvergedError, UsageError
+from kiribench.fem.wear import WornPatch
 from kiribench.lattice import CutMap
 
 KNEE_METHODS: dict[str, str] = {
@@ -42,6 +43,7 @@ def design_on_skin(
     *,
     start: str | None = None,
     overlap: Overlap | None = None,
+    good_from: float | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Designed:
     """Design with the worn model of a subject's flexed skin.
@@ -52,7 +54,9 @@ def design_on_skin(
         skin: the flexed skin.
         start: method of the start; None is the first of :data:`STARTS` that has an
             equilibrium on the skin, without ``balanced`` where the surrogate knows no stress.
-        overlap: for ``robust``: corners in skin coordinates to overlaps.
+        overlap: corners in skin coordinates to overlaps; ``robust`` needs it, ``worn`` is only
+            judged by it.
+        good_from: overlap from which on a cell is graded good.
         progress: called with (done, total) steps.
 
     Raises:
@@ -85,18 +89,25 @@ def design_on_skin(
                 raise
     seconds += found.cpu_seconds
     settings = worn_settings(found, begin)
+    first_rms = found.iterations[0].rms_mm
+    losses: tuple[float | None, float | None] = (None, None)
     if method == "robust" and overlap is not None:
         found = design_robust(model, found.cut_map, overlap, limits)
         seconds += found.cpu_seconds
         settings = worn_settings(found, "worn")
+        losses = (found.iterations[0].objective_mm2, found.iterations[-1].objective_mm2)
     confirmed = model.worn(found.cut_map, CONFIRM_ELEMENTS)
-    apart = np.linalg.norm(confirmed.corner_q_mm - model.target_q_mm, axis=-1)[model.weight > 0]
-    rms = float(np.sqrt((apart**2).mean()))
+    judged = _judged(model, confirmed, overlap, good_from)
+    judged = replace(
+        judged, start=begin, start_rms_mm=first_rms, loss_start=losses[0], loss=losses[1]
+    )
     settings["Confirmed"] = {
         "Elements": CONFIRM_ELEMENTS,
-        "RmsMm": rms,
-        "WorstMm": float(apart.max()),
+        "RmsMm": judged.rms_mm,
+        "WorstMm": judged.worst_mm,
         "Status": confirmed.status,
+        "OverlapMean": judged.overlap_mean,
+        "OverlapLeast": judged.overlap_least,
     }
     cells = cells_of(problem, surrogates, limits, options)
     cuts = np.stack([found.cut_map.a, found.cut_map.b], axis=-1)
@@ -113,13 +124,32 @@ def design_on_skin(
                 if confirmed.status != "ok"
                 else []
             ),
-            f"On the skin, simulated: corners {rms:.2f} mm (rms) from their nodes, "
-            f"{apart.max():.2f} mm at most, on a mesh of {CONFIRM_ELEMENTS} elements a facet edge "
-            "that the design has not seen. Predicted is not worn.",
             f"Started from {begin}; {found.at_bounds} of {2 * found.cut_map.a.size} cuts are at "
             "a bound.",
         ),
     )
     # What a uniform sheet of such cuts would do is beside the point here.
-    reason = np.where(result.design.reason == "method-compromise", "", result.design.reason)
-    return replace(result, design=replace(result.design, reason=reason))
+    reason = np.where(problem.wanted, "", result.design.reason)
+    return replace(result, design=replace(result.design, reason=reason), on_skin=judged)
+
+
+def _judged(
+    model: KneeModel, worn: WornPatch, overlap: Overlap | None, good_from: float | None
+) -> OnSkin:
+    """Distances of the worn corners from their nodes, and overlaps where they can be told."""
+    rms, worst = distances(worn.corner_q_mm, model)
+    judged = OnSkin(CONFIRM_ELEMENTS, worn.status == "ok", "", np.nan, rms, worst)
+    if overlap is None:
+        return judged
+    covered = overlap(worn.corner_q_mm)
+    covered = covered[np.isfinite(covered)]
+    if not len(covered):
+        return judged
+    good = None if good_from is None else int((covered >= good_from).sum())
+    return replace(
+        judged,
+        overlap_mean=float(covered.mean()),
+        overlap_least=float(covered.min()),
+        cells_good=good,
+        cells_scored=len(covered),
+    )

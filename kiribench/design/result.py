@@ -68,6 +68,38 @@ class EquivalentDesigns:
     pieces: tuple[FloatArray, ...]
 
 
+@dataclass(frozen=True)
+class OnSkin:
+    """What a design on the skin is judged by: where its corners lie when it is worn, simulated.
+
+    Attributes:
+        elements: elements a facet edge of the mesh that says so; the design has not seen it.
+        equilibrium: whether an equilibrium was found on it; without one the distances are those
+            of the last attempt.
+        start: method of the start.
+        start_rms_mm: rms distance of the start's corners from their nodes, on the design's mesh.
+        rms_mm, worst_mm: the same of the result, on the finer mesh.
+        overlap_mean, overlap_least: of the cells with the skin's, by fast charts; None where
+            nobody asked.
+        cells_good, cells_scored: how many of the cells are graded good; None likewise.
+        loss_start, loss: of ``robust``: mean of (1 - overlap)^2 over its placement errors and
+            draws of node noise, with the regularisation; None of ``worn``.
+    """
+
+    elements: int
+    equilibrium: bool
+    start: str
+    start_rms_mm: float
+    rms_mm: float
+    worst_mm: float
+    overlap_mean: float | None = None
+    overlap_least: float | None = None
+    cells_good: int | None = None
+    cells_scored: int | None = None
+    loss_start: float | None = None
+    loss: float | None = None
+
+
 @dataclass(frozen=True, eq=False)
 class Designed:
     """A designed patch.
@@ -83,6 +115,7 @@ class Designed:
         curves: one a cell with a target, or none where they were not asked for.
         cpu_seconds: process time of the method.
         notes: facts that a reader needs, as sentences.
+        on_skin: of the methods that wear the patch; None of those that ask the surrogate.
     """
 
     design: PatchDesign
@@ -96,3 +129,4 @@ class Designed:
     curves: tuple[EquivalentDesigns, ...] = ()
     cpu_seconds: float = 0.0
     notes: tuple[str, ...] = ()
+    on_skin: OnSkin | None = None

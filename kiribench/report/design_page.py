@@ -26,6 +26,7 @@ from kiribench.report.figures.heatmap import heatmap, scale_limit
 from kiribench.report.html import Html, bullets, table, tag, text
 from kiribench.report.page import document
 from kiribench.report.svg import figure_block
+from kiribench.report.words import number
 
 FloatArray = NDArray[np.float64]
 
@@ -79,7 +80,9 @@ def _head(result: Designed) -> Html:
 
 
 def _sentence(words: str) -> str:
-    return words[:1].upper() + words[1:]
+    """With a capital, unless it begins with a name such as flex090."""
+    first = words.split(" ", 1)[0].rstrip(":")
+    return words if first[-1:].isdigit() else words[:1].upper() + words[1:]
 
 
 def _targets(result: Designed, cells: Cells) -> Html:
@@ -160,11 +163,18 @@ def _errors(result: Designed, *, mirrored: bool) -> Html:
                     alt="Error of Poisson's ratio in every cell",
                     reasons=letters,
                 ),
-                "By the surrogate's own prediction. Hatched: no target, cuts filled in.",
+                "By the surrogate's own prediction, each cell flat and for itself."
+                + " Dashed: the smallest and the largest."
+                + (" Hatched: no target, cuts filled in." if letters else ""),
             )
         )
     words = None
-    if not blocks:
+    if result.on_skin is not None:
+        words = (
+            "Neither is an aim of this method: it puts the corners of the worn patch on their "
+            "nodes, where neighbours, straps and the curved skin act on every cell."
+        )
+    elif not blocks:
         words = (
             f"No cell misses its target Poisson's ratio by more than {largest:.4f}, by the "
             "surrogate's own prediction."
@@ -189,7 +199,7 @@ def _errors(result: Designed, *, mirrored: bool) -> Html:
                 ),
                 "Cells of a column are in series and carry one force. A cell that is stiffer at "
                 "its target strain than its column (positive) will stretch less than it should, "
-                "a softer one more.",
+                "a softer one more. Dashed: the stiffest and the softest.",
             )
         )
     return tag(
@@ -212,7 +222,8 @@ def _equivalent(result: Designed, cells: Cells) -> Html | None:
         curve = result.curves[k]
         row, column = curve.cell
         cuts = np.array([result.design.a[row, column], result.design.b[row, column]])
-        title = f"cell ({row}, {column}): ν {cells.target[k]:.3f} at strain {cells.strain[k]:.3f}"
+        nu, strain = number(cells.target[k], 3), f"{cells.strain[k]:.3f}"
+        title = f"cell ({row}, {column}): ν {nu} at strain {strain}"
         shown.append((title, (ticks, field), curve.pieces, cuts))
     return tag(
         "section",
@@ -220,11 +231,22 @@ def _equivalent(result: Designed, cells: Cells) -> Html | None:
         figure_block(
             equivalent_figure(shown, cells.high),
             "Every point of a black line has the target's Poisson's ratio at its strain; the "
-            "star was chosen. The dashed arc is as far from no cuts at all as the star. Blue: "
-            "widens when pulled; brown: narrows. The three cells have the smallest, the middle "
-            "and the largest target.",
+            f"star was chosen{_off_the_line(result)}. The dashed arc is as far from no cuts at "
+            "all as the star. Blue: widens when pulled; brown: narrows. The three cells have the "
+            "smallest, the middle and the largest target.",
         ),
     )
+
+
+def _off_the_line(result: Designed) -> str:
+    """Why a star need not lie on its line."""
+    if result.on_skin is not None:
+        return ", off the line, for the corners of the worn patch"
+    if result.design.method == "uniform":
+        return " for all cells together"
+    if float(np.nanmax(np.abs(result.error))) > result.options.tolerance + 1e-9:
+        return ", as near to it as the method and the limits allow"
+    return ""
 
 
 def _generations(result: Designed, cells: Cells) -> Html | None:
@@ -246,7 +268,7 @@ def _generations(result: Designed, cells: Cells) -> Html | None:
                 (ticks, field),
                 float(cells.target[k]),
                 cells.high,
-                f"cell ({row}, {column}), ν {cells.target[k]:.3f}",
+                f"cell ({row}, {column}), ν {number(cells.target[k], 3)}",
             ),
             "Left: what was tried in one cell; the line has its target's Poisson's ratio. Right: "
             f"the objective of all {len(cells)} cells. They stopped after "
@@ -290,21 +312,23 @@ def _table(result: Designed) -> Html:
         "target_poisson_ratio",
         "predicted_poisson_ratio",
         "predicted_poisson_ratio_sd",
-        "reachable_low",
-        "reachable_high",
         "distance",
         "nominal_stress_mpa",
     )
+    low, high = design.quantity("reachable_low"), design.quantity("reachable_high")
     rows = []
     for r, c in np.ndindex(design.shape):
-        numbers = [float(design.quantity(name)[r, c]) for name in names]
+        numbers = [number(float(design.quantity(name)[r, c]), 4) for name in names]
+        reach = (number(float(one[r, c]), 3) for one in (low, high))
         rows.append(
             (
                 f"{r}, {c}",
                 design.region[r, c],
                 f"{100 * design.a[r, c]:.2f}",
                 f"{100 * design.b[r, c]:.2f}",
-                *(f"{x:.4f}" if np.isfinite(x) else "–" for x in numbers),
+                *numbers[:4],
+                " to ".join(reach) if np.isfinite(low[r, c]) else "–",
+                *numbers[4:],
                 design.reason[r, c],
             )
         )
@@ -319,10 +343,12 @@ def _table(result: Designed) -> Html:
         table(
             (
                 "Cell", "Region", "a, %", "b, %", "Strain", "Target ν", "Predicted ν", "sd",
-                "Lowest ν", "Highest ν", "Distance", "Stress, MPa", "Reason",
+                "Reach of ν", "Distance", "MPa", "Reason",
             ),
             rows,
-            caption=f"Row and column of the patch; strains and ν in {design.strain_measure} strain",
-            numeric=range(2, 12),
+            caption=f"Row and column of the patch; strains and ν in {design.strain_measure} "
+            "strain. Reach: from the smallest to the largest ν of any allowed cuts at that strain; "
+            "distance: of the target from it. MPa: nominal stress at the target strain.",
+            numeric=range(2, 11),
         ),
     )  # fmt: skip

@@ -126,5 +126,9 @@ def test_wrong_calls(table: Path, model: Path, capsys: pytest.CaptureFixture[str
     assert "participant-without-dataset" in capsys.readouterr().err
     assert main([*base, "--ligament-mm", "9"]) == 2
     assert "limits-leave-nothing" in capsys.readouterr().err
+    for share, meant in (("0.9", "Did you mean 90?"), ("1", "such as 90")):
+        assert main([*base, "--longest-percent", share]) == 2
+        said = capsys.readouterr().err
+        assert "error[limit-percent]" in said and meant in said
     assert main(["design", str(table), "--surrogate", str(table)]) == 3
     assert "model-file-damaged" in capsys.readouterr().err
