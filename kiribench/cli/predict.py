@@ -9,7 +9,7 @@ from kiribench.cli.command import Outcome
 from kiribench.cli.fit import Printing
 
 if TYPE_CHECKING:
-    from kiribench.surrogate.keep import KeptModel, Prediction
+    from kiribench.surrogate.kept_model import KeptModel, Prediction
 
 
 def predict(

@@ -8,7 +8,8 @@ from typing import Any
 
 from kiribench.design.problem import DesignProblem
 from kiribench.errors import UsageError
-from kiribench.surrogate.keep import KeptModel, load
+from kiribench.surrogate.keep import load
+from kiribench.surrogate.kept_model import KeptModel
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,12 +15,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from kiribench.surrogate.keep import KeptModel, fit_table, load, save
+    from kiribench.surrogate.keep import fit_table, load, save
+    from kiribench.surrogate.kept_model import KeptModel
     from kiribench.surrogate.registry import ModelSpec, make, model_names, spec
 
 __all__ = ["KeptModel", "ModelSpec", "fit_table", "load", "make", "model_names", "save", "spec"]
 
-_KEEP = {"KeptModel", "fit_table", "load", "save"}
+_KEEP = {"fit_table", "load", "save"}
 
 
 def __getattr__(name: str) -> Any:
@@ -30,6 +31,10 @@ def __getattr__(name: str) -> Any:
         from kiribench.surrogate import keep
 
         return getattr(keep, name)
+    if name == "KeptModel":
+        from kiribench.surrogate import kept_model
+
+        return kept_model.KeptModel
     from kiribench.surrogate import registry
 
     return getattr(registry, name)

@@ -109,8 +109,13 @@ class Hyperparameters:
 
     @classmethod
     def from_dict(cls, record: dict[str, Any]) -> Hyperparameters:
-        """The inverse of :meth:`as_dict`."""
-        return cls(
+        """The inverse of :meth:`as_dict`.
+
+        Raises:
+            KeyError: a number is not there.
+            ValueError: a number cannot be what it should.
+        """
+        read = cls(
             input_low=tuple(map(float, record["input_low"])),
             input_span=tuple(map(float, record["input_span"])),
             target_mean=float(record["target_mean"]),
@@ -123,6 +128,15 @@ class Hyperparameters:
             curve_noise=float(record["curve_noise"]),
             spread=float(record["spread"]),
         )
+        positive = (*read.input_span, read.target_scale, *read.length_scales, read.signal_variance)
+        others = (*read.input_low, read.target_mean, read.noise_ratio, read.curve_noise)
+        if not (
+            np.isfinite([*positive, *others, read.spread]).all()
+            and min(*positive, read.spread) > 0.0
+            and min(read.noise_ratio, read.curve_noise, *np.ravel(read.warp), *read.corner) >= 0.0
+        ):
+            raise ValueError("hyperparameters that no process has")
+        return read
 
 
 def scaling_of(

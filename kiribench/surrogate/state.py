@@ -12,11 +12,11 @@ from kiribench.surrogate.closed_form import GridState
 from kiribench.surrogate.exact_gp import ExactGP
 from kiribench.surrogate.grid import DesignGrid
 from kiribench.surrogate.hyperparameters import Hyperparameters
+from kiribench.surrogate.kept_file import Arrays
 from kiribench.surrogate.registry import Regressor
 from kiribench.surrogate.svgp import SparseVariationalGP
 
 FloatArray = NDArray[np.float64]
-Arrays = dict[str, NDArray[Any]]
 
 
 def state_of(estimator: Regressor, X: FloatArray, y: FloatArray) -> Arrays:

@@ -189,8 +189,8 @@ def test_a_model_that_predicts_otherwise_is_refused(tmp_path: Path) -> None:
     from dataclasses import replace
 
     kept = fit_table(SMALL, "polynomial")
-    points, means = kept.probes
-    save(replace(kept, probes=(points, means + 0.01)), tmp_path / "m.safetensors")
+    points, means, sds = kept.probes
+    save(replace(kept, probes=(points, means + 0.01, sds)), tmp_path / "m.safetensors")
     with pytest.raises(DataError) as caught:
         load(tmp_path / "m.safetensors")
     assert caught.value.code == "model-not-reproduced"
