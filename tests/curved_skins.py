@@ -46,6 +46,35 @@ class Sphere:
         return SurfaceJet(x, first, second)
 
 
+@dataclass(frozen=True)
+class Quadric:
+    """A plane stretched alike both ways and bent: z = -(across x^2 + along y^2) / 2."""
+
+    across: float
+    along: float
+    stretch: float = 1.0
+
+    @property
+    def outward(self) -> float:
+        return 1.0
+
+    def at(self, q: np.ndarray) -> SurfaceJet:
+        s = self.stretch
+        x, y = s * q.T
+        zero, one = np.zeros_like(x), np.ones_like(x)
+        place = np.column_stack([x, y, -0.5 * (self.across * x * x + self.along * y * y)])
+        first = s * np.stack(
+            [
+                np.column_stack([one, zero, -self.across * x]),
+                np.column_stack([zero, one, -self.along * y]),
+            ],
+            axis=1,
+        )
+        second = np.zeros((len(q), 3, 3))
+        second[:, 0, 2], second[:, 2, 2] = -s * s * self.across, -s * s * self.along
+        return SurfaceJet(place, first, second)
+
+
 @dataclass(frozen=True, eq=False)
 class Moved:
     """Another skin, turned (3, 3) and displaced (3,)."""

@@ -408,3 +408,24 @@ synthetic knees .0034 was found (rms .0007)."""
 
 PLACEMENT_MM = 0.12
 """mm: a limit of placement is interpolated between solves at most .1 mm apart from it."""
+
+# --- contact of worn patches ---
+
+WEAR_PRESSURE = 2e-3
+"""Fraction of tension over radius: contact pressure of facets against membrane theory, elements
+of 1.5 mm on radii of 40 to 60 mm."""
+
+WEAR_PRESSURE_ISOMETRY = 0.02
+"""Fraction of the largest pressure: the same patch on two cylinders; elements of the mesh are
+chords of the narrow one."""
+
+WEAR_SLIT = 0.03
+"""Fraction: opening of a slit against the infinite sheet: the sheet is ten slits wide, and two
+small slits shade it from the corners of the cell; its overlap under as much compression: .2 %."""
+
+CREDIBLE_RATIO = 0.05
+"""Share of cells: predicted against worn satisfactory ratio, the bound that was set."""
+
+CREDIBLE_OVERLAP = 0.01
+"""Overlap: worn patches solved by other elements or another program (.02 mm, .005 in strain on
+cells of 15 mm), and read through a scan with facets of 5 mm on a radius of 60 mm."""

@@ -87,7 +87,8 @@ class FacePairs:
         """Largest depth of a node of one face behind the opposite face, mm; 0 if none."""
         if not len(self.left):
             return 0.0
-        return deepest_overlap(x, self.left, self.right, self.left_start, self.right_start)
+        depth = deepest_overlap(x, self.left, self.right, self.left_start, self.right_start)
+        return float(depth.max())
 
 
 def deepest_overlap(
@@ -96,14 +97,14 @@ def deepest_overlap(
     right: IntArray,
     left_start: IntArray,
     right_start: IntArray,
-) -> float:
-    """Largest depth of a node of one face behind the opposite face at nodes x (n, 2), mm.
+) -> FloatArray:
+    """(f,) largest depth of a node of either face behind the other at nodes x (n, 2), mm.
 
     Faces as the attributes of ``FacePairs`` say.
     """
     one = _deepest(x, left, left_start, right, right_start, -1.0)
     two = _deepest(x, right, right_start, left, left_start, 1.0)
-    return float(max(one, two))
+    return np.asarray(np.maximum(one, two))
 
 
 @njit(cache=True, error_model="numpy")
@@ -114,12 +115,14 @@ def _deepest(
     face: IntArray,
     face_start: IntArray,
     inside: float,
-) -> float:
-    """Depth of the probes behind the polylines; ``inside`` is +1 where the body is to the left.
+) -> FloatArray:
+    """(f,) largest depth of a face's probes behind its polyline.
+
+    ``inside`` is +1 where the body is to the left.
 
     A probe counts where its nearest point of the polyline lies within it, not at an end.
     """
-    deepest = 0.0
+    deepest = np.zeros(len(face_start) - 1)
     for f in range(len(face_start) - 1):
         for k in range(probe_start[f], probe_start[f + 1]):
             px, py = x[probes[k], 0], x[probes[k], 1]
@@ -139,5 +142,5 @@ def _deepest(
                     )
                     behind = inside * (ex * dy - ey * dx) > 0
                     depth = np.sqrt(distance) if behind and not at_end else 0.0
-            deepest = max(deepest, depth)
+            deepest[f] = max(deepest[f], depth)
     return deepest

@@ -19,14 +19,9 @@ import numpy.typing as npt
 from kiribench.errors import DataError, NotConvergedError
 from kiribench.fem.material import Material, NeoHookean
 from kiribench.fem.surface_map import SurfaceMap
+from kiribench.fem.wear_contact import face_overlap, facet_contact
 from kiribench.fem.wear_friction import drag_along
-from kiribench.fem.wear_measures import (
-    cell_measures,
-    face_overlap,
-    facet_pressure,
-    site_means,
-    tip_state,
-)
+from kiribench.fem.wear_measures import cell_measures, site_means, tip_state
 from kiribench.fem.wear_mesh import PatchMesh, mesh_patch
 from kiribench.fem.wear_rest import RestMap
 from kiribench.fem.wear_sensitivities import corner_sensitivities
@@ -80,11 +75,13 @@ class WornPatch:
             cell edge, mean of two opposite ones.
         shear: (R, C) tangent of the closing of the right angle, as in `measure`.
         contact_pressure_mpa: (2R, 2C) by facet; negative is lift-off (it cannot be held).
+        contact_area_mm2: (2R, 2C) deformed area of the facets.
         tip_stress_mpa, tip_stretch: (k,) largest principal Cauchy stress and stretch on the
             ligament at ``TIP_DISTANCE_MM`` before the tip, half-cuts in the order of
             ``CutMap.half_cuts``, without cuts below ``wear_mesh.NO_CUT``; compare with
             ``BREAKING_STRETCH``.
-        face_overlap_mm: largest depth to which two crack faces pass through each other.
+        facet_overlap_mm: (2R, 2C) largest depth to which a crack face of the facet and the
+            opposite one pass through each other.
         strap_force_n: pull along the limb on the distal (``free``: proximal) strap.
         energy_mj: elastic energy of the patch.
         newton_iterations: spent.
@@ -100,15 +97,21 @@ class WornPatch:
     lateral_stretch: FloatArray
     shear: FloatArray
     contact_pressure_mpa: FloatArray
+    contact_area_mm2: FloatArray
     tip_stress_mpa: FloatArray
     tip_stretch: FloatArray
-    face_overlap_mm: float
+    facet_overlap_mm: FloatArray
     strap_force_n: float
     energy_mj: float
     newton_iterations: int
     status: str
     reason: str | None
     cpu_seconds: float
+
+    @property
+    def face_overlap_mm(self) -> float:
+        """The largest ``facet_overlap_mm``."""
+        return float(self.facet_overlap_mm.max())
 
 
 @dataclass(frozen=True, eq=False)
@@ -267,6 +270,7 @@ def read_worn(solution: Solution, surface: SurfaceMap, spec: WearSpec, began: fl
     sites = site_means(mesh, found.q)
     corners = sites[::2, ::2]
     cells = cell_measures(surface, corners, mesh.cut_map.cell_mm)
+    contact = facet_contact(mesh, jet, found.force, surface.outward, spec.thickness_mm)
     stretch, stress = tip_state(mesh, jet, system.mu_mpa)
     strap = solution.held[1] if solution.held[1].any() else solution.held[0]
     along = jet.first[strap, 1] / np.linalg.norm(jet.first[strap, 1], axis=1, keepdims=True)
@@ -279,12 +283,11 @@ def read_worn(solution: Solution, surface: SurfaceMap, spec: WearSpec, began: fl
         longitudinal_stretch=cells.longitudinal_stretch,
         lateral_stretch=cells.lateral_stretch,
         shear=cells.shear,
-        contact_pressure_mpa=facet_pressure(
-            mesh, jet, found.force, surface.outward, spec.thickness_mm
-        ),
+        contact_pressure_mpa=contact.pressure_mpa,
+        contact_area_mm2=contact.area_mm2,
         tip_stress_mpa=stress,
         tip_stretch=stretch,
-        face_overlap_mm=face_overlap(mesh, jet),
+        facet_overlap_mm=face_overlap(mesh, jet),
         strap_force_n=spec.thickness_mm * pull,
         energy_mj=spec.thickness_mm * found.energy,
         newton_iterations=found.iterations,

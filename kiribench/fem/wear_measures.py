@@ -1,4 +1,4 @@
-"""What is read off a worn patch: cells on the skin, contact, crack tips, overlap, strap force."""
+"""What is read off a worn patch: the cells on the skin, and the rubber before the cut tips."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from kiribench.fem.gauge import deepest_overlap
 from kiribench.fem.surface_map import SurfaceJet, SurfaceMap
 from kiribench.fem.wear_mesh import PatchMesh, lagrange, physical_edge
 
@@ -84,23 +83,6 @@ def cell_measures(surface: SurfaceMap, corner_q: FloatArray, cell_mm: float) -> 
     )
 
 
-def facet_pressure(
-    mesh: PatchMesh, jet: SurfaceJet, force: FloatArray, outward: float, thickness_mm: float
-) -> FloatArray:
-    """(2R, 2C) contact pressure, MPa: outward force of the skin / deformed area, by facet.
-
-    The force of a node goes to its facets in equal parts.
-    """
-    normal = np.einsum("na,na->n", force, jet.normal(outward))
-    share = normal / np.bincount(mesh.nodes.ravel())
-    template = mesh.template
-    x = jet.x[mesh.nodes][:, template.elements]
-    tangents = np.einsum("fmad,qar->fmqrd", x, template.shapes, optimize=True)
-    area = np.linalg.norm(np.cross(tangents[..., 0, :], tangents[..., 1, :]), axis=-1)
-    total = np.einsum("fmq,q->f", area, template.weights)
-    return np.asarray(thickness_mm * share[mesh.nodes].sum(axis=1) / total).reshape(mesh.shape)
-
-
 def tip_state(mesh: PatchMesh, jet: SurfaceJet, mu_mpa: float) -> tuple[FloatArray, FloatArray]:
     """Largest principal stretch and Cauchy stress (MPa) before every tip; (k,) each, half-cuts in
     the order of ``CutMap.half_cuts``, the mean of the two facets beside the ligament."""
@@ -174,52 +156,3 @@ def _slopes(xi: FloatArray, eta: FloatArray, order: int) -> tuple[FloatArray, Fl
     by_xi = np.einsum("ki,kj->kij", value_eta, slope_xi).reshape(len(xi), -1)
     by_eta = np.einsum("ki,kj->kij", slope_eta, value_xi).reshape(len(xi), -1)
     return by_xi, by_eta
-
-
-def face_overlap(mesh: PatchMesh, jet: SurfaceJet) -> float:
-    """Largest depth, mm, of a node of a crack face behind the opposite face.
-
-    Both faces of a half-cut are laid into the skin's tangent plane at the site.
-    """
-    rows, columns = mesh.shape
-    template = mesh.template
-    facet = np.arange(rows * columns).reshape(rows, columns)
-    depth = 0.0
-    for one, two, edge, opposite in (
-        (facet[:, :-1].ravel(), facet[:, 1:].ravel(), 1, 3),
-        (facet[:-1].ravel(), facet[1:].ravel(), 2, 0),
-    ):
-        for turned in (False, True):
-            chosen = mesh.mirrored[one] == turned
-            mine, theirs = physical_edge(edge, turned), physical_edge(opposite, not turned)
-            here, there = one[chosen], two[chosen]
-            cut = mesh.half_cuts[here, mine] > 0
-            here, there = here[cut], there[cut]
-            if not len(here):
-                continue
-            walk = slice(0, template.cut_nodes + 1)
-            left = mesh.nodes[here][:, template.edges[mine, walk]]
-            right = mesh.nodes[there][:, template.edges[theirs, walk]]
-            if turned:
-                left, right = right, left
-            depth = max(depth, _overlap_of(jet, left, right))
-    return depth
-
-
-def _overlap_of(jet: SurfaceJet, left: IntArray, right: IntArray) -> float:
-    """Depth over faces (f, k) of nodes from site to tip, in tangent planes at the tips."""
-    tip = left[:, -1]
-    u = jet.first[tip, 0] / np.linalg.norm(jet.first[tip, 0], axis=1, keepdims=True)
-    v = jet.first[tip, 1] - np.einsum("fd,fd->f", jet.first[tip, 1], u)[:, None] * u
-    v /= np.linalg.norm(v, axis=1, keepdims=True)
-    frame = np.stack([u, v], axis=1)
-    both = np.stack([left, right])
-    flat = np.einsum("fid,sfkd->sfki", frame, jet.x[both] - jet.x[tip][None, :, None])
-    faces, count = left.shape
-    return deepest_overlap(
-        flat.reshape(-1, 2),
-        np.arange(faces * count),
-        faces * count + np.arange(faces * count),
-        count * np.arange(faces + 1),
-        count * np.arange(faces + 1),
-    )

@@ -42,7 +42,7 @@ def against_calculix(repeats: int) -> bool:
     """Same nodes; CalculiX in as few steps as it takes (it cuts them back where it must)."""
     print(f"CalculiX CPS8R, flat patch to a strain of {STRETCH - 1:.1f}, one thread")
     passed = True
-    for rows, columns, count in ((3, 2, 10), (6, 4, 10)):
+    for rows, columns, count in ((3, 2, 10), (6, 4, 10), (12, 6, 6)):
         cut_map = random_map(rows, columns)
         plane = Plane(1.0, STRETCH)
         spec = WearSpec(count)

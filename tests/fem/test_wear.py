@@ -176,28 +176,6 @@ def test_full_stick_on_a_sphere_is_the_integral_of_its_metric() -> None:
     np.testing.assert_allclose(worn.longitudinal_stretch, 1.0, rtol=1e-10)
 
 
-def test_pressure_of_a_stretched_sleeve_and_lift_off_of_a_hollow() -> None:
-    radius, lateral, along, thickness = 40.0, 1.2, 1.1, 2.0
-    spec = WearSpec(10, friction=np.inf, thickness_mm=thickness)
-    skin = Cylinder(radius, lateral, along)
-    worn = wear_patch(_uncut(4, 4), skin, ORIGIN, spec)
-    cauchy = MU * (lateral**2 - 1 / (lateral * along) ** 2)
-    pressure = cauchy / radius * thickness / (lateral * along)
-    # Border facets share nodes with nobody: their border is left out.
-    np.testing.assert_allclose(worn.contact_pressure_mpa[1:-1, 1:-1], pressure, rtol=2e-3)
-
-    class Hollow:
-        """The same skin seen from inside: it is a hollow, and holds nothing."""
-
-        outward = -1.0
-
-        def at(self, q: np.ndarray) -> SurfaceJet:
-            return skin.at(q)
-
-    lifted = wear_patch(_uncut(4, 4), Hollow(), ORIGIN, spec).contact_pressure_mpa
-    np.testing.assert_allclose(lifted, -worn.contact_pressure_mpa, rtol=1e-12)
-
-
 def test_stretch_before_the_tips_is_that_of_the_skin_where_it_sticks() -> None:
     cut_map = _map(2, 3)
 
@@ -249,28 +227,6 @@ def test_straps_slip_turn_and_offset_move_what_they_say() -> None:
     edge = _corners(hoops)[-1, :, 1] - ORIGIN[1]
     np.testing.assert_allclose(edge[[0, 1, 3, 4]], 30.0, atol=1e-12)
     assert edge[2] < 29.9
-
-
-def test_crack_faces_that_pass_through_each_other_are_measured() -> None:
-    # Squeezed across by sticking to a skin that shrinks: nothing overlaps. Then one lip is
-    # pushed by hand through the other.
-    from kiribench.fem.wear_measures import face_overlap
-    from kiribench.fem.wear_mesh import mesh_patch
-
-    cut_map = CutMap.uniform(0.6, 0.3, 1, 1, 15.0)
-    mesh = mesh_patch(cut_map, 8, 2)
-    for surface in (Plane(1.0, 0.8), Plane(-1.0, 0.8)):
-        assert face_overlap(mesh, surface.at(mesh.points_mm)) == 0.0
-    q = mesh.points_mm.copy()
-    x, y = q.T
-    # The cut in the middle runs across; its distal lip belongs to the facets of the second row.
-    lip = np.unique(mesh.nodes[2:])
-    on_cut = lip[(np.abs(y[lip] - 7.5) < 1e-9) & (np.abs(x[lip] - 7.5) < 3.0)]
-    only = np.setdiff1d(on_cut, np.unique(mesh.nodes[:2]))
-    q[only, 1] -= 0.25
-    for surface in (Plane(), Plane(-1.0, 1.0), Cylinder(40.0)):
-        jet = surface.at(q)
-        assert face_overlap(mesh, jet) == pytest.approx(0.25, rel=0.01)
 
 
 def test_the_breaking_stretch_is_the_last_row_of_the_tension_test() -> None:
