@@ -186,6 +186,8 @@ def _verdict(told: dict[str, Any]) -> str:
         words = "every target is met by the surrogate's prediction"
     else:
         words = f"{met} of {aimed} targets are met by the surrogate's prediction"
+        if told["method"] == "uniform":
+            words = f"the control: with one pair of cuts for all cells {words}"
     if beyond:
         words += (
             f", {beyond} are out of reach of any allowed cuts, by at most "
@@ -211,4 +213,6 @@ def _range(values: FloatArray) -> dict[str, float] | None:
 
 
 def _span(of: dict[str, float]) -> str:
+    if of["max"] - of["min"] < 0.05:
+        return f"{of['median']:.1f}"
     return f"{of['min']:.1f} to {of['max']:.1f}"

@@ -9,29 +9,25 @@ expected looks for its like.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 import shapely
-from scipy.spatial import cKDTree
 from shapely import LineString, Polygon
 
 from kiribench.errors import Fault
-from kiribench.fabrication.drawing import Drawing, extent_mm
+from kiribench.fabrication.drawing import Drawing
 from kiribench.fabrication.findings import Findings
 from kiribench.fabrication.match import match_slits, slit_faults
 from kiribench.fabrication.parts import Parts, same_ring, take_apart
+from kiribench.fabrication.pose import NEAR_MM, SCALE_STEP, fits, ratio_of, upright
 from kiribench.fabrication.reading import ReadStroke
 from kiribench.fabrication.sheet import CleanSlits, clean_slits
 from kiribench.fabrication.strokes import FloatArray
 
 BoolArray = npt.NDArray[np.bool_]
 
-_MARK_MM = 0.05
-"""A line within this of an expected mark is that mark."""
-_SCALE_STEP = 1e-4
-"""A relative difference of sizes above this is a wrong scale, not rounding."""
 _KNOWN_SCALES = {
     "scale-inches": (25.4, "inches and millimetres were mistaken for each other"),
     "scale-pixels-96": (96 / 25.4, "pixels of 1/96 inch were taken for millimetres"),
@@ -42,16 +38,6 @@ _KNOWN_SCALES = {
     "scale-centimetres": (10.0, "centimetres and millimetres were mistaken for each other"),
     "scale-metres": (1000.0, "metres and millimetres were mistaken for each other"),
 }
-_TURNS = (
-    ("as drawn", np.array([[1.0, 0.0], [0.0, 1.0]])),
-    ("turned by 180 degrees", np.array([[-1.0, 0.0], [0.0, -1.0]])),
-    ("turned by 90 degrees", np.array([[0.0, -1.0], [1.0, 0.0]])),
-    ("turned by 270 degrees", np.array([[0.0, 1.0], [-1.0, 0.0]])),
-    ("mirrored left to right", np.array([[-1.0, 0.0], [0.0, 1.0]])),
-    ("mirrored top to bottom", np.array([[1.0, 0.0], [0.0, -1.0]])),
-    ("mirrored on a diagonal", np.array([[0.0, 1.0], [1.0, 0.0]])),
-    ("mirrored on the other diagonal", np.array([[0.0, -1.0], [-1.0, 0.0]])),
-)
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,10 +70,10 @@ def compare(
     """Lay a drawing over the expected one.
 
     Faults: ``outline-missing``, ``outline-twice``, ``outline-changed``, ``scale-*``,
-    ``drawing-stretched``, ``drawing-mirrored``, ``drawing-turned`` (warning), ``slit-missing``,
-    ``slit-extra``, ``slit-length``, ``slit-duplicate``, ``slit-overlap``, ``slit-split``
-    (warning), ``gap-closed``, ``slot-missing``, ``slot-extra``, ``marks-missing`` (warning),
-    ``outline-not-last``.
+    ``drawing-stretched``, ``frame-extra``, ``drawing-mirrored``, ``drawing-turned`` (warning),
+    ``slit-missing``, ``slit-extra``, ``slit-length``, ``slit-duplicate``, ``slit-overlap``,
+    ``slit-split`` (warning), ``gap-closed``, ``slot-missing``, ``slot-extra``, ``marks-missing``
+    (warning), ``outline-not-last``.
     """
     found = Findings(file)
 
@@ -100,7 +86,9 @@ def compare(
             "The drawing has no closed outline.",
             "Draw it as one closed path, on the last layer.",
         )
-    fit = max(_fits(parts, everything, expected, rim), key=lambda one: one.share)
+    possible = fits(parts, everything, expected, rim)
+    strokes, parts, possible, angle = upright(strokes, parts, possible, expected, rim)
+    fit = max(possible, key=lambda one: one.share)
     scale = _scale(
         fit.seen[2:] - fit.seen[:2], fit.wanted[2:] - fit.wanted[:2], found, tolerance_mm
     )
@@ -116,13 +104,15 @@ def compare(
             f"The drawing is {pose}: it is the patch of the other side of the body.",
             "Mirror it back.",
         )
-    elif pose != "as drawn":
+    elif pose != "as drawn" or angle:
+        pose += f", and by {angle:.3g} degrees" if angle else ""
         found.warning(
             "drawing-turned",
             f"The drawing is {pose}.",
             "Nothing, if meant so.",
         )
     rings = [Polygon(placed(np.array(ring.exterior.coords))) for ring in parts.rings]
+    rings, parts = _without_frames(rings, parts, rim, tolerance_mm, found)
     outline, windows = _rings(rings, parts, expected, rim, tolerance_mm, found)
     segments = placed(parts.segments_mm.reshape(-1, 2)).reshape(-1, 2, 2)
     loose, owner = _without_marks(segments, parts.segment_stroke, expected, found)
@@ -143,61 +133,11 @@ def compare(
     return Comparison(tuple(found.faults), scale, pose, slits, outline, windows, matched, worst)
 
 
-@dataclass(frozen=True, eq=False)
-class _Fit:
-    """One way to lay the drawing over the expected one: box on box, in a pose.
-
-    Attributes:
-        seen, wanted: (4,) the boxes.
-        pose, turn: name and matrix of the pose.
-        share: of the expected vertices that are there then.
-    """
-
-    seen: FloatArray
-    wanted: FloatArray
-    pose: str
-    turn: FloatArray
-    share: float
-
-
-def _fits(parts: Parts, everything: FloatArray, expected: Drawing, rim: Polygon) -> list[_Fit]:
-    """The best pose by the outline, by all open lines and by everything: one may have changed."""
-    boxes = []
-    if parts.has_outline:
-        boxes.append((np.array(parts.rings[0].bounds), np.array(rim.bounds)))
-    lines = [s for s in expected.strokes if not s.closed]
-    if len(parts.segments_mm) and lines:
-        points = parts.segments_mm.reshape(-1, 2)
-        box = np.concatenate([points.min(axis=0), points.max(axis=0)])
-        boxes.append((box, np.array(extent_mm(lines))))
-    whole = np.concatenate([everything.min(axis=0), everything.max(axis=0)])
-    boxes.append((whole, np.array(extent_mm(expected.strokes))))
-    fits = []
-    for seen, wanted in boxes:
-        size, goal = seen[2:] - seen[:2], wanted[2:] - wanted[:2]
-        if np.min(size) <= 0 or np.min(goal) <= 0:
-            continue
-        ratio = _ratio(size, goal)
-        scale = float(np.sqrt(ratio[0] * ratio[1]))
-        scale = 1.0 if abs(scale - 1) < _SCALE_STEP else scale
-        pose, turn, share = _pose(everything, (seen[:2] + seen[2:]) / 2, scale, expected, wanted)
-        fits.append(_Fit(seen, wanted, pose, turn, share))
-        if share > 0.999:
-            break
-    return fits or [_Fit(whole, whole, *_TURNS[0], 0.0)]
-
-
-def _ratio(size: FloatArray, wanted: FloatArray) -> FloatArray:
-    """(2,) sizes of a drawing / expected sizes, turned by a quarter where that fits better."""
-    straight, turned = size / wanted, size[::-1] / wanted
-    return min((straight, turned), key=lambda r: abs(float(np.log(r[0] / r[1]))))
-
-
 def _scale(size: FloatArray, wanted: FloatArray, found: Findings, tolerance_mm: float) -> float:
     """Size of the drawing / expected size, turned by a quarter or not; faults if not 1."""
-    ratio = _ratio(size, wanted)
+    ratio = ratio_of(size, wanted)
     scale = float(np.sqrt(ratio[0] * ratio[1]))
-    if abs(ratio[0] / ratio[1] - 1) > _SCALE_STEP and (
+    if abs(ratio[0] / ratio[1] - 1) > SCALE_STEP and (
         np.max(np.abs(ratio / scale - 1) * wanted) > tolerance_mm
     ):
         found.error(
@@ -209,7 +149,7 @@ def _scale(size: FloatArray, wanted: FloatArray, found: Findings, tolerance_mm: 
         )
     if float(np.max(np.abs(ratio - 1) * wanted)) <= 2 * tolerance_mm or abs(scale - 1) < 1e-9:
         return 1.0
-    if abs(scale - 1) <= _SCALE_STEP:
+    if abs(scale - 1) <= SCALE_STEP:
         return 1.0  # a changed outline, not a scale
     code, why = "scale-factor", "the drawing was scaled"
     for name, (factor, words) in _KNOWN_SCALES.items():
@@ -227,21 +167,27 @@ def _scale(size: FloatArray, wanted: FloatArray, found: Findings, tolerance_mm: 
     return scale
 
 
-def _pose(
-    points: FloatArray, centre: FloatArray, scale: float, expected: Drawing, box: FloatArray
-) -> tuple[str, FloatArray, float]:
-    """The turn or mirroring under which most of the expected vertices are there."""
-    goal = (box[:2] + box[2:]) / 2
-    part = [s for s in expected.strokes if s.role not in ("info",)]
-    vertices = np.concatenate([stroke.points_mm for stroke in part])
-    best = (-1.0, _TURNS[0])
-    for name, turn in _TURNS:
-        tree = cKDTree((points - centre) / scale @ turn.T + goal)
-        distance, _ = tree.query(vertices, distance_upper_bound=_MARK_MM)
-        share = float(np.mean(np.isfinite(distance)))
-        if share > best[0] + 1e-9:
-            best = (share, (name, turn))
-    return (*best[1], best[0])
+def _without_frames(
+    rings: list[Polygon], parts: Parts, rim: Polygon, tolerance_mm: float, found: Findings
+) -> tuple[list[Polygon], Parts]:
+    """Rings and parts without what encloses the outline: a page's frame or background."""
+    place = next((k for k, ring in enumerate(rings) if same_ring(ring, rim, tolerance_mm)), 0)
+    frames = [k for k in range(place) if rings[k].contains(rim)]
+    if not frames:
+        return rings, parts
+    found.error(
+        "frame-extra",
+        f"{len(frames)} closed shapes enclose the patch (a page's frame or background): the "
+        "machine may cut or engrave them.",
+        "Delete them.",
+    )
+    kept = [place, *(k for k in range(len(rings)) if k != place and k not in frames)]
+    return [rings[k] for k in kept], replace(
+        parts,
+        rings=tuple(parts.rings[k] for k in kept),
+        ring_strokes=tuple(parts.ring_strokes[k] for k in kept),
+        has_outline=True,
+    )
 
 
 def _rings(
@@ -329,7 +275,7 @@ def _without_marks(
     marks = [LineString(s.flattened()) for s in expected.of("label", "fiducial", "info")]
     if not marks or not len(segments):
         return segments, owner
-    roomy = [mark.buffer(_MARK_MM) for mark in marks]
+    roomy = [mark.buffer(NEAR_MM) for mark in marks]
     lines = [LineString(pair) for pair in segments]
     inside, mark = shapely.STRtree(roomy).query(lines, predicate="covered_by")
     is_mark = np.zeros(len(segments), bool)

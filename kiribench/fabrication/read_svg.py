@@ -57,10 +57,22 @@ def _svg_faults(head: SvgHead, path: Path) -> tuple[Fault, ...]:
     scale = head.mm_per_unit
     if scale is not None and abs(scale[0] / scale[1] - 1) > 1e-4:
         found.error(
-            "drawing-stretched",
-            "Width and height of the SVG fit its viewBox with different scales.",
+            "drawing-stretched" if not head.keeps_ratio else "svg-two-scales",
+            "Width and height of the SVG fit its viewBox with different scales: "
+            + (
+                "the drawing is stretched."
+                if not head.keeps_ratio
+                else "some programs keep the ratio and centre the drawing, others stretch it."
+            ),
             "Scale both by the same factor: 1 mm a unit.",
             got=f"{scale[0]:.5g} and {scale[1]:.5g} mm a unit",
+        )
+    if head.styled:
+        found.error(
+            "svg-styled-transform",
+            "Transforms stand in styles, which only browsers follow: programs would see another "
+            "drawing than a picture shows.",
+            "Save it as plain SVG, with transforms applied.",
         )
     count = sum(head.elements[name] for name in _TEXT)
     if count:
@@ -92,6 +104,8 @@ def with_svgelements(data: bytes, head: SvgHead, path: Path) -> ReadDrawing:
     strokes: list[ReadStroke] = []
     mm = MM_PER_UNIT["px"]
     try:
+        if head.elements["symbol"]:
+            data = _symbols_as_templates(data)
         drawing = svgelements.SVG.parse(io.BytesIO(data), ppi=96.0, reify=True)
         for shape in drawing.elements():
             if not isinstance(shape, svgelements.Shape):
@@ -116,12 +130,26 @@ def with_svgelements(data: bytes, head: SvgHead, path: Path) -> ReadDrawing:
     return ReadDrawing("svgelements", tuple(strokes), _svg_faults(head, path))
 
 
+def _symbols_as_templates(data: bytes) -> bytes:
+    """Symbols put into defs: svgelements draws them where they stand, too, and no rule says so."""
+    import xml.etree.ElementTree as ElementTree  # the guard let no entities through
+
+    root = ElementTree.fromstring(data)
+    for parent in list(root.iter()):
+        for place, child in enumerate(list(parent)):
+            if isinstance(child.tag, str) and child.tag.rpartition("}")[2] == "symbol":
+                holder = ElementTree.Element(child.tag[: -len("symbol")] + "defs")
+                parent.remove(child)
+                holder.append(child)
+                parent.insert(place, holder)
+    return ElementTree.tostring(root)
+
+
 def with_svgpathtools(data: bytes, head: SvgHead, path: Path) -> ReadDrawing:
     """All paths, with the groups' transforms applied by svgpathtools; the scale is ours."""
     import svgpathtools
 
-    scale = head.mm_per_unit or (MM_PER_UNIT["px"],) * 2
-    mm = min(scale)
+    (mm, mm_down), (left, top) = head.placed_mm
     x0, y0 = head.view_box[:2] if head.view_box else (0.0, 0.0)
     strokes: list[ReadStroke] = []
     try:
@@ -134,8 +162,8 @@ def with_svgpathtools(data: bytes, head: SvgHead, path: Path) -> ReadDrawing:
                 strokes += _from_segments(
                     list(sub),
                     lambda segment, t: (
-                        (segment.point(t).real - x0) * mm,
-                        (segment.point(t).imag - y0) * mm,
+                        (segment.point(t).real - x0) * mm + left,
+                        (segment.point(t).imag - y0) * mm_down + top,
                     ),
                     lambda segment: segment.length() * mm,
                     lambda segment: isinstance(segment, svgpathtools.Line),

@@ -20,6 +20,7 @@ MOST_ELEMENTS = 200_000
 DEEPEST = 60
 
 _LENGTH = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([a-zA-Z%]*)\s*")
+_TRANSFORM = re.compile(r"(^|;|\{)(transform|translate|rotate|scale|zoom):")
 MM_PER_UNIT = {
     "": 25.4 / 96,
     "px": 25.4 / 96,
@@ -42,6 +43,8 @@ class SvgHead:
         view_box: the four numbers, None where absent or not four numbers.
         elements: how often each element occurs, by its name without namespace.
         hidden: number of elements that are switched off (display or visibility).
+        keeps_ratio: whether the drawing keeps its ratio where the page has another one.
+        styled: number of transforms in styles, which only browsers follow.
     """
 
     width: tuple[float, str] | None
@@ -49,6 +52,8 @@ class SvgHead:
     view_box: tuple[float, float, float, float] | None
     elements: Counter[str] = field(default_factory=Counter)
     hidden: int = 0
+    keeps_ratio: bool = True
+    styled: int = 0
 
     @property
     def mm_per_unit(self) -> tuple[float, float] | None:
@@ -65,6 +70,20 @@ class SvgHead:
         ]
         return scale[0], scale[1]
 
+    @property
+    def placed_mm(self) -> tuple[tuple[float, float], tuple[float, float]]:
+        """Scale (2,) and offset (2,) of the viewBox on the page, mm, by the rules of SVG.
+
+        The default keeps the ratio and centres; pixels where the file says nothing.
+        """
+        scale = self.mm_per_unit or (MM_PER_UNIT["px"],) * 2
+        if not self.keeps_ratio or self.view_box is None:
+            return scale, (0.0, 0.0)
+        small = min(scale)
+        sides = [small * side for side in self.view_box[2:]]
+        off = [(large * side / small - side) / 2 for large, side in zip(scale, sides, strict=True)]
+        return (small, small), (off[0], off[1])
+
 
 def look_into(data: bytes, *, file: Path) -> SvgHead:
     """Refuse what no reader should be given; else what the file says about itself.
@@ -79,6 +98,7 @@ def look_into(data: bytes, *, file: Path) -> SvgHead:
     parser = expat.ParserCreate(namespace_separator=" ")
     parser.StartElementHandler = lambda tag, attributes: scan.begin(tag, attributes, parser)
     parser.EndElementHandler = lambda tag: scan.end()
+    parser.CharacterDataHandler = lambda words: scan.read_style(words)
     parser.EntityDeclHandler = lambda *_: scan.refuse_entities(parser)
     parser.StartDoctypeDeclHandler = lambda name, system, public, internal: (
         scan.refuse_entities(parser) if internal else None
@@ -104,7 +124,13 @@ def look_into(data: bytes, *, file: Path) -> SvgHead:
     if scan.head is None:
         raise _refused("svg-not-svg", "The file is XML, but no SVG drawing.", file, None)
     _bounded_references(scan, file)
-    return SvgHead(*scan.head, elements=scan.elements, hidden=scan.hidden)
+    return SvgHead(
+        *scan.head,
+        elements=scan.elements,
+        hidden=scan.hidden,
+        keeps_ratio=scan.keeps_ratio,
+        styled=scan.styled,
+    )
 
 
 def _refused(
@@ -134,6 +160,9 @@ class _Scan:
         ) = None
         self.elements: Counter[str] = Counter()
         self.hidden = 0
+        self.keeps_ratio = True
+        self.styled = 0
+        self.in_style = False
         self.open: list[str | None] = []
         # For every id the ids that it uses inside, and how many elements it holds.
         self.uses: dict[str | None, list[str]] = {}
@@ -142,6 +171,7 @@ class _Scan:
     def begin(self, tag: str, attributes: dict[str, str], parser: expat.XMLParserType) -> None:
         name = tag.rpartition(" ")[2].lower()
         self.elements[name] += 1
+        self.in_style = name == "style"
         if len(self.open) >= DEEPEST or self.elements.total() > MOST_ELEMENTS:
             raise _refused(
                 "svg-too-large",
@@ -158,6 +188,7 @@ class _Scan:
                 _length(plain.get("height")),
                 _view_box(plain.get("viewBox")),
             )
+            self.keeps_ratio = plain.get("preserveAspectRatio", "").strip() != "none"
         style = plain.get("style", "").replace(" ", "").lower()
         if (
             plain.get("display") == "none"
@@ -166,6 +197,7 @@ class _Scan:
             or "visibility:hidden" in style
         ):
             self.hidden += 1
+        self.styled += bool(_TRANSFORM.search(style))
         owner = plain.get("id")
         for holder in {*self.open, owner} - {None}:
             self.size[holder] += 1
@@ -185,6 +217,12 @@ class _Scan:
 
     def end(self) -> None:
         self.open.pop()
+        self.in_style = False
+
+    def read_style(self, words: str) -> None:
+        """The text of a style sheet."""
+        if self.in_style:
+            self.styled += bool(_TRANSFORM.search("".join(words.lower().split())))
 
     def refuse_entities(self, parser: expat.XMLParserType) -> None:
         raise _refused(

@@ -151,9 +151,11 @@ def verify_foreign(
 
 
 def _milder(fault: Fault) -> Fault:
-    """A missing viewBox or size does no harm where the drawing has its right size."""
-    if fault.code in ("svg-viewbox-missing", "svg-size-missing"):
-        return Fault(fault.code, fault.what, fault.remedy, file=fault.file, severity="warning")
+    """A size that is not stated or in doubt does no harm where the drawing has its right one."""
+    if fault.code in ("svg-viewbox-missing", "svg-size-missing", "svg-two-scales"):
+        return Fault(
+            fault.code, fault.what, fault.remedy, file=fault.file, got=fault.got, severity="warning"
+        )
     return fault
 
 
@@ -251,6 +253,8 @@ def _alone(
     found = Findings(file)
 
     kinds = [_kind(stroke, profile) for stroke in strokes]
+    if all(kind == "mark" for kind in kinds):
+        kinds = ["unknown"] * len(kinds)  # one colour for everything says nothing
     unknown = sorted(
         {
             s.layer or s.colour or "no layer, no colour"

@@ -197,9 +197,14 @@ def _errors(result: Designed, *, mirrored: bool) -> Html:
                     alt="Difference of force of cells in series",
                     reasons=letters,
                 ),
-                "Cells of a column are in series and carry one force. A cell that is stiffer at "
-                "its target strain than its column (positive) will stretch less than it should, "
-                "a softer one more. Dashed: the stiffest and the softest.",
+                (
+                    "Nominal stress at the target strains, each cell flat and for itself."
+                    if result.on_skin is not None
+                    else "Cells of a column are in series and carry one force. A cell that is "
+                    "stiffer at its target strain than its column (positive) will stretch less "
+                    "than it should, a softer one more."
+                )
+                + " Dashed: the stiffest and the softest.",
             )
         )
     return tag(

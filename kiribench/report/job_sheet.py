@@ -49,8 +49,9 @@ def job_sheet(
         tag(
             "p",
             f"{rows} × {columns} cells of {design.cell_mm:g} mm, method {design.method}, sheet "
-            f"{design.thickness_mm:g} mm thick, for {profile.title}. The drawing shows the outer "
-            f"face: lateral is on the {'right' if plan.mirrored else 'left'}, proximal on top.",
+            f"{design.thickness_mm:g} mm thick, {len(plan.slits)} slits "
+            f"({int(plan.slits.notch.sum())} of them notches), for {profile.title}. The drawing "
+            f"shows the outer face: lateral is on the {'right' if plan.mirrored else 'left'}, proximal on top.",
         ),
         _verdict(export, limits, kerf_known),
         _warnings([*warnings, *[f for f in export.faults if f.severity == "warning"]]),
@@ -239,6 +240,7 @@ def _coupon() -> Html:
 
 _STYLE = """
 .pictures { display: flex; flex-wrap: wrap; gap: 1rem; align-items: flex-start; }
+main > h2 { margin-top: 1.6rem; }
 .pictures figure { margin: 0; flex: 1 1 14rem; max-width: 20rem; }
 .pictures svg { width: 100%; height: auto; border: 1px solid #ccc; }
 .swatch { width: .8em; height: .8em; vertical-align: -.05em; border: 1px solid #666; }

@@ -35,7 +35,9 @@ CASES = {
 
 def main(tables: list[str]) -> int:
     cases = dict(CASES)
-    cases |= {Path(table).name: read_design(Path(table)) for table in tables}
+    for table in tables:
+        design = read_design(Path(table))
+        cases[f"{design.participant}, {design.method}"] = design
     shortest_route(np.random.default_rng(0).uniform(0, 9, (9, 2, 2)), (0.0, 0.0))  # compile
     worst = 0.0
     print(f"{'patch':28}{'slits':>6}{'unordered':>11}{'ours':>9}{'optimum':>9}{'bound':>9}"

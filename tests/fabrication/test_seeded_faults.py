@@ -318,6 +318,7 @@ def test_stretched(tmp_path, good):
         write_svg(good, PLAIN),
         count=1,
     )
+    text = text.replace("<svg ", '<svg preserveAspectRatio="none" ', 1)
     assert "drawing-stretched" in _errors(_verify(tmp_path, good, good, text=text))
 
 
