@@ -23,7 +23,7 @@ class GradientBoosting(Wrapped):
         n_estimators: int = 200,
         max_depth: int = 5,
         learning_rate: float = 0.1,
-        subsample: float = 0.5,
+        subsample: float = 0.3,
         min_samples_leaf: int = 2,
         random_state: int | None = 0,
     ) -> None:

@@ -18,7 +18,7 @@ class HistGradientBoosting(Wrapped):
     def __init__(
         self,
         *,
-        max_iter: int = 400,
+        max_iter: int = 300,
         learning_rate: float = 0.1,
         max_leaf_nodes: int | None = 31,
         min_samples_leaf: int = 10,

@@ -18,6 +18,7 @@ from kiribench.surrogate.hyperparameters import scaling_of
 Tensor = torch.Tensor
 FloatArray = NDArray[np.float64]
 FLOAT = torch.float32
+BETAS, EPSILON = (0.9, 0.999), 1e-8  # of Adam, as its authors have them
 
 
 class MLPEnsemble(RegressorMixin, BaseEstimator):  # type: ignore[misc]
@@ -26,7 +27,9 @@ class MLPEnsemble(RegressorMixin, BaseEstimator):  # type: ignore[misc]
     The mean of the members is the prediction; their spread and the residuals of training
     are its variance (deep ensembles, Lakshminarayanan et al. 2017, arXiv 1612.01474,
     without the learnt noise). All members are one batched network: four cost little more
-    than one. It computes in float32: its errors are thousands of times larger than rounding.
+    than one. The gradient is written out and Adam (Kingma and Ba 2015, arXiv 1412.6980) steps
+    on one vector: for networks of this size autograd and torch's optimiser took twice the
+    time. It learns in float32: its errors are thousands of times larger than rounding.
 
     Args:
         members: networks.
@@ -44,8 +47,8 @@ class MLPEnsemble(RegressorMixin, BaseEstimator):  # type: ignore[misc]
         *,
         members: int = 4,
         width: int = 48,
-        max_steps: int = 800,
-        batch: int = 256,
+        max_steps: int = 1000,
+        batch: int = 128,
         learning_rate: float = 0.01,
         device: str = "cpu",
         threads: int | None = 1,
@@ -70,9 +73,9 @@ class MLPEnsemble(RegressorMixin, BaseEstimator):  # type: ignore[misc]
         with torch_threads(self.threads):
             inputs = torch.as_tensor(self._scaled(X_), dtype=FLOAT, device=place)
             values = torch.as_tensor((y_ - mean) / scale, dtype=FLOAT, device=place)
-            self._layers = self._train(inputs, values)
             with torch.no_grad():
-                residual = _forward(self._layers, inputs).mean(0) - values
+                self._layers = [layer.double() for layer in self._train(inputs, values)]
+                residual = _forward(self._layers, inputs.double()).mean(0) - values
         self.noise_variance_ = float(residual.square().mean()) + 1e-12
         return self
 
@@ -82,25 +85,22 @@ class MLPEnsemble(RegressorMixin, BaseEstimator):  # type: ignore[misc]
             0 if self.random_state is None else int(self.random_state)
         )
         sizes = (inputs.shape[1], self.width, self.width, 1)
-        layers: list[Tensor] = []
-        for fan_in, fan_out in pairwise(sizes):
-            shape = (self.members, fan_in, fan_out)
-            weight = torch.randn(shape, generator=generator, dtype=torch.float64)
-            layers += [weight / math.sqrt(fan_in), torch.zeros(self.members, 1, fan_out)]
-        layers = [x.to(inputs.device, FLOAT).requires_grad_(True) for x in layers]
-        optimiser = torch.optim.Adam(layers, lr=self.learning_rate)
-        rows = min(self.batch, len(inputs))
-        for step in range(self.max_steps):
-            for group in optimiser.param_groups:
-                progress = step / self.max_steps
-                group["lr"] = 0.5 * self.learning_rate * (1.0 + math.cos(math.pi * progress))
-            drawn = torch.randint(len(inputs), (self.members, rows), generator=generator)
-            drawn = drawn.to(inputs.device)
-            loss = (_forward(layers, inputs[drawn]) - values[drawn]).square().mean((1,)).sum()
-            optimiser.zero_grad(set_to_none=True)
-            torch.autograd.backward((loss,))
-            optimiser.step()
-        return [x.detach() for x in layers]
+        network = _Network(self.members, sizes, inputs.device)
+        for weight in network.layers[::2]:
+            drawn = torch.randn(weight.shape, generator=generator, dtype=torch.float64)
+            weight.copy_(drawn / math.sqrt(weight.shape[1]))
+        shape = (self.max_steps, self.members, min(self.batch, len(inputs)))
+        batches = torch.randint(len(inputs), shape, generator=generator).to(inputs.device)
+        mean, square = torch.zeros_like(network.flat), torch.zeros_like(network.flat)
+        for step, rows in enumerate(batches):
+            slope = network.slope(inputs[rows], values[rows])
+            mean.lerp_(slope, 1.0 - BETAS[0])
+            square.mul_(BETAS[1]).addcmul_(slope, slope, value=1.0 - BETAS[1])
+            rate = 0.5 * self.learning_rate * (1.0 + math.cos(math.pi * step / self.max_steps))
+            rate /= 1.0 - BETAS[0] ** (step + 1)
+            root = square.sqrt().div_(math.sqrt(1.0 - BETAS[1] ** (step + 1))).add_(EPSILON)
+            network.flat.addcdiv_(mean, root, value=-rate)
+        return network.layers
 
     @overload
     def predict(self, X: ArrayLike, return_std: Literal[False] = False) -> FloatArray: ...
@@ -114,8 +114,8 @@ class MLPEnsemble(RegressorMixin, BaseEstimator):  # type: ignore[misc]
         check_is_fitted(self, "noise_variance_")
         X_ = validate_data(self, X, dtype=np.float64, reset=False)
         with torch_threads(self.threads), torch.no_grad():
-            inputs = torch.as_tensor(self._scaled(X_), dtype=FLOAT, device=self._layers[0].device)
-            each = _forward(self._layers, inputs).double()
+            inputs = torch.as_tensor(self._scaled(X_), device=self._layers[0].device)
+            each = _forward(self._layers, inputs)
             mean, spread = each.mean(0).cpu().numpy(), each.var(0, correction=1).cpu().numpy()
         centred = np.asarray(mean * self.target_scale_ + self.target_mean_)
         if not return_std:
@@ -125,6 +125,50 @@ class MLPEnsemble(RegressorMixin, BaseEstimator):  # type: ignore[misc]
     def _scaled(self, X: FloatArray) -> FloatArray:
         # To [-1, 1]: what the start of the weights is made for.
         return np.asarray(2.0 * (X - self.input_low_) / self.input_span_ - 1.0)
+
+
+class _Network:
+    """Weights and biases of all members in one vector, and the slope of the loss by it.
+
+    Attributes:
+        flat: all of them.
+        layers: views of it: (members, fan in, fan out) and (members, 1, fan out) in turn.
+    """
+
+    def __init__(self, members: int, sizes: tuple[int, ...], place: torch.device) -> None:
+        shapes = [
+            (members, rows, fan_out) for fan_in, fan_out in pairwise(sizes) for rows in (fan_in, 1)
+        ]
+        self.flat = torch.zeros(sum(map(math.prod, shapes)), dtype=FLOAT, device=place)
+        self._slope = torch.zeros_like(self.flat)
+        counts = [math.prod(shape) for shape in shapes]
+        self.layers, self._slopes = (
+            [part.view(shape) for part, shape in zip(parts, shapes, strict=True)]
+            for parts in (torch.split(self.flat, counts), torch.split(self._slope, counts))
+        )
+
+    def slope(self, inputs: Tensor, values: Tensor) -> Tensor:
+        """The gradient of the members' mean squared errors, added up, by ``flat``.
+
+        Args:
+            inputs: (members, n, d).
+            values: (members, n).
+        """
+        entering, steepness = [inputs], []
+        for weight, bias in zip(self.layers[0:-2:2], self.layers[1:-2:2], strict=True):
+            z = torch.baddbmm(bias, entering[-1], weight)
+            gate = torch.sigmoid(z)
+            x = z * gate
+            entering.append(x)
+            steepness.append(gate + x - x * gate)  # of silu(z) = z gate
+        out = torch.baddbmm(self.layers[-1], entering[-1], self.layers[-2])
+        by_out = (out - values[..., None]).mul_(2.0 / values.shape[1])
+        for layer in reversed(range(len(entering))):
+            torch.bmm(entering[layer].mT, by_out, out=self._slopes[2 * layer])
+            torch.sum(by_out, dim=1, keepdim=True, out=self._slopes[2 * layer + 1])
+            if layer:
+                by_out = torch.bmm(by_out, self.layers[2 * layer].mT).mul_(steepness[layer - 1])
+        return self._slope
 
 
 def _forward(layers: list[Tensor], inputs: Tensor) -> Tensor:

@@ -20,7 +20,7 @@ class RandomForest(Wrapped):
     def __init__(
         self,
         *,
-        n_estimators: int = 60,
+        n_estimators: int = 40,
         max_depth: int | None = None,
         min_samples_leaf: int = 1,
         max_features: float = 1.0,

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
 
 import torch
 
@@ -138,6 +138,7 @@ def greedy_points(learnt: Hyperparameters, inputs: Tensor, count: int) -> Tensor
     nothing is left to explain.
     """
     scales = torch.as_tensor(learnt.length_scales, dtype=inputs.dtype, device=inputs.device)
+    scaled = inputs / scales
     left = torch.ones(len(inputs), dtype=inputs.dtype, device=inputs.device)
     factor = torch.zeros((min(count, len(inputs)), len(inputs)), dtype=inputs.dtype)
     factor = factor.to(inputs.device)
@@ -146,10 +147,12 @@ def greedy_points(learnt: Hyperparameters, inputs: Tensor, count: int) -> Tensor
         pivot = int(left.argmax())
         if float(left[pivot]) < 1e-10:
             break
-        row = _matern(inputs[pivot][None, :], inputs, scales)[0]
-        row = row - factor[:step, pivot] @ factor[:step]
+        squared = (scaled - scaled[pivot]).square_().sum(1).mul_(5.0)
+        distance = squared.sqrt()
+        row = squared.div_(3.0).add_(distance).add_(1.0).mul_(distance.neg_().exp_())
+        row -= factor[:step, pivot] @ factor[:step]
         factor[step] = row / left[pivot].sqrt()
-        left = (left - factor[step].square()).clamp_min(0.0)
+        left = left.addcmul_(factor[step], factor[step], value=-1.0).clamp_min_(0.0)
         chosen.append(pivot)
     return inputs[torch.as_tensor(chosen, device=inputs.device)]
 
@@ -179,11 +182,33 @@ def whitened(
 
 
 def _matern(left: Tensor, right: Tensor, scales: Tensor) -> Tensor:
-    # GPyTorch's kernel with the length scales as a differentiable argument. The small term
-    # keeps the root's slope finite for equal points.
-    squared = torch.zeros((len(left), len(right)), dtype=left.dtype, device=left.device)
-    for column in range(left.shape[1]):
-        gap = (left[:, None, column] - right[None, :, column]) / scales[column]
-        squared = squared + gap.square()
-    distance = (5.0 * squared + 1e-30).sqrt()
-    return (1.0 + distance + 5.0 / 3.0 * squared) * torch.exp(-distance)
+    # GPyTorch's kernel with the length scales as a differentiable argument.
+    return cast("Tensor", _Matern.apply(left, right, scales))  # type: ignore[no-untyped-call]
+
+
+class _Matern(torch.autograd.Function):
+    """Matern 5/2 correlations, (m, n); the slope by the length scales is written out.
+
+    With s the squared distance in length scales, ``d k / d log l_c`` is
+    ``5/3 (1 + sqrt(5 s)) exp(-sqrt(5 s))`` times the part of s that column c has: no root of
+    nought, and a third of the time of autograd through the single steps.
+    """
+
+    @staticmethod
+    def forward(ctx: Any, left: Tensor, right: Tensor, scales: Tensor) -> Tensor:
+        gaps = [(left[:, None, c] - right[None, :, c]).square_() for c in range(left.shape[1])]
+        squared = gaps[0] / scales[0].square()
+        for gap, scale in zip(gaps[1:], scales[1:], strict=True):
+            squared.add_(gap / scale.square())
+        distance = squared.mul(5.0).sqrt_()
+        decay = distance.neg().exp_()
+        if any(ctx.needs_input_grad):
+            ctx.save_for_backward(scales, distance, decay, *gaps)
+        return squared.mul_(5.0 / 3.0).add_(distance).add_(1.0).mul_(decay)
+
+    @staticmethod
+    def backward(ctx: Any, *by: Tensor) -> tuple[None, None, Tensor]:
+        scales, distance, decay, *gaps = ctx.saved_tensors
+        weighted = (distance + 1.0).mul_(decay).mul_(by[0]).flatten()
+        each = torch.stack([weighted @ gap.flatten() for gap in gaps])
+        return None, None, each * (5.0 / 3.0) / scales**3

@@ -54,7 +54,7 @@ class SparseVariationalGP(RegressorMixin, BaseEstimator):  # type: ignore[misc]
         self,
         *,
         inducing: int = 128,
-        max_fit_rows: int = 1500,
+        max_fit_rows: int = 1000,
         hyperparameters: Hyperparameters | None = None,
         optimise: bool = True,
         inducing_points: FloatArray | None = None,

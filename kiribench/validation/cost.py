@@ -33,20 +33,20 @@ class Cost:
 
 
 _COSTS = {
-    "gp": Cost(0.5, 1.5, 0.1),
+    "gp": Cost(0.4, 1.5, 0.1),
     "gp:paper": Cost(1.5, 1.5, 0.1),
     "gp:shared-sigma": Cost(0.2, 1.5, 0.1),
     "gp_kronecker": Cost(2.2, 1.5, 0.2),
-    "svgp": Cost(1.3, 0.5, 0.3),
-    "gradient_boosting": Cost(0.7),
+    "svgp": Cost(0.9, 0.5, 0.3),
+    "gradient_boosting": Cost(0.5),
     "gradient_boosting:paper": Cost(0.1),
-    "random_forest": Cost(0.6),
+    "random_forest": Cost(0.4),
     "random_forest:paper": Cost(0.2),
     "polynomial": Cost(0.01),
-    "hist_gradient_boosting": Cost(0.5, 0.5),
+    "hist_gradient_boosting": Cost(0.4, 0.5),
     "lightgbm": Cost(0.2, 0.5),
     "rbf": Cost(0.2),
-    "mlp_ensemble": Cost(1.1, 0.0, 1.1),
+    "mlp_ensemble": Cost(0.5, 0.0, 0.5),
 }
 UNKNOWN = Cost(5.0)
 TUNING_FITS = 25  # settings tried x inner folds, see tuning

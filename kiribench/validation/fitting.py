@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -25,16 +25,16 @@ class Piece:
     """A model on some folds.
 
     Attributes:
-        protocol, model: names.
-        folds: to predict; of a closed form all that are missing, else one or a few.
+        model: its name.
+        folds: to predict, by protocol; of closed forms all that are missing, whatever the
+            protocol, for they share one fit; else one or a few of one protocol.
         closed_form: leave the folds out of one fit instead of refitting.
         X, y, group: (n, d), (n,), (n,) of the whole table.
         seed, device: of the model.
     """
 
-    protocol: str
     model: str
-    folds: tuple[Fold, ...]
+    folds: dict[str, tuple[Fold, ...]]
     closed_form: bool
     X: FloatArray
     y: FloatArray
@@ -51,16 +51,11 @@ def is_gp(model: str) -> bool:
 def run_piece(piece: Piece) -> list[FoldOutcome]:
     """The outcomes of all folds of a piece, one thread; a model that fails gives its reason."""
     with threadpool_limits(limits=1):
-        if piece.closed_form:
-            closed = _closed_form(piece)
-            if closed is not None:
-                return closed
-        return list(_refits(piece))
+        work = _closed_form if piece.closed_form else _refits
+        return list(work(piece))
 
 
-def _closed_form(piece: Piece) -> list[FoldOutcome] | None:
-    from kiribench.surrogate.leave_out import leave_folds_out
-
+def _closed_form(piece: Piece) -> Iterator[FoldOutcome]:
     clock = _clock(piece.device)
     start = clock()
     # Kernel parameters and scalings of the whole table, as Dubrule's identity has it.
@@ -68,20 +63,33 @@ def _closed_form(piece: Piece) -> list[FoldOutcome] | None:
     try:
         model.fit(piece.X, piece.y)
     except (KiribenchError, np.linalg.LinAlgError, RuntimeError, ValueError) as error:
-        return [_failed(piece, fold, error) for fold in piece.folds]
-    fitted = clock()
+        yield from (_failed(piece, name, fold, error) for name, fold in _each(piece))
+        return
+    fit_s = (clock() - start) / sum(map(len, piece.folds.values()))
+    for protocol, folds in piece.folds.items():
+        closed = _left_out(model, piece, protocol, folds, fit_s)
+        yield from _refits(replace(piece, folds={protocol: folds})) if closed is None else closed
+
+
+def _left_out(
+    model: Any, piece: Piece, protocol: str, folds: tuple[Fold, ...], fit_s: float
+) -> list[FoldOutcome] | None:
+    """The folds of one protocol, left out of a fitted model; ``None`` where that is impossible."""
+    from kiribench.surrogate.leave_out import leave_folds_out
+
+    clock = _clock(piece.device)
+    start = clock()
     try:
-        left_out = leave_folds_out(model, [fold.test for fold in piece.folds])
+        left_out = leave_folds_out(model, [fold.test for fold in folds])
     except DataError as error:
         if error.code != "leave-out-cuts-resampled-curve":
             raise
         return None
-    share = 1.0 / len(piece.folds)
-    fit_s, predict_s = (fitted - start) * share, (clock() - fitted) * share
+    predict_s = (clock() - start) / len(folds)
     notes = _notes(model)
     return [
         FoldOutcome(
-            protocol=piece.protocol,
+            protocol=protocol,
             model=piece.model,
             fold=fold.name,
             mean=one.mean,
@@ -91,14 +99,18 @@ def _closed_form(piece: Piece) -> list[FoldOutcome] | None:
             closed_form=True,
             notes=notes,
         )
-        for fold, one in zip(piece.folds, left_out, strict=True)
+        for fold, one in zip(folds, left_out, strict=True)
     ]
+
+
+def _each(piece: Piece) -> Iterator[tuple[str, Fold]]:
+    return ((protocol, fold) for protocol, folds in piece.folds.items() for fold in folds)
 
 
 def _refits(piece: Piece) -> Iterator[FoldOutcome]:
     clock = _clock(piece.device)
     name, _, variant = piece.model.partition(":")
-    for fold in piece.folds:
+    for protocol, fold in _each(piece):
         X, y = piece.X[fold.train], piece.y[fold.train]
         start = clock()
         notes: dict[str, Any] = {}
@@ -117,22 +129,23 @@ def _refits(piece: Piece) -> Iterator[FoldOutcome]:
             fitted = clock()
             mean, sd = _predict(model, piece.X[fold.test], uncertain)
         except (KiribenchError, np.linalg.LinAlgError, RuntimeError, ValueError) as error:
-            yield _failed(piece, fold, error)
+            yield _failed(piece, protocol, fold, error)
             continue
         done = clock()
         if not np.isfinite(mean).all() or (sd is not None and not (sd > 0).all()):
-            yield _failed(piece, fold, ValueError("a prediction is no finite number"))
+            yield _failed(piece, protocol, fold, ValueError("a prediction is no finite number"))
             continue
         some = np.random.default_rng(piece.seed).permutation(len(y))[:TRAIN_ROWS]
+        train_r2 = r2(y[some], _predict(model, X[some], False)[0])
         yield FoldOutcome(
-            protocol=piece.protocol,
+            protocol=protocol,
             model=piece.model,
             fold=fold.name,
             mean=mean,
             sd=sd,
             fit_s=fitted - start,
             predict_s=done - fitted,
-            train_r2=r2(y[some], _predict(model, X[some], False)[0]),
+            train_r2=None if train_r2 is None or not np.isfinite(train_r2) else train_r2,
             notes={**notes, **_notes(model)},
         )
 
@@ -144,10 +157,10 @@ def _predict(model: Any, X: FloatArray, uncertain: bool) -> tuple[FloatArray, Fl
     return np.asarray(model.predict(X), dtype=np.float64), None
 
 
-def _failed(piece: Piece, fold: Fold, error: Exception) -> FoldOutcome:
+def _failed(piece: Piece, protocol: str, fold: Fold, error: Exception) -> FoldOutcome:
     reason = error.faults[0].what if isinstance(error, KiribenchError) else str(error)
     return FoldOutcome(
-        protocol=piece.protocol,
+        protocol=protocol,
         model=piece.model,
         fold=fold.name,
         mean=np.zeros(0),

@@ -14,7 +14,7 @@ from kiribench import __version__
 from kiribench.errors import UsageError
 from kiribench.processes import in_processes
 from kiribench.surrogate.registry import spec
-from kiribench.validation.cost import cost_of, expected_seconds
+from kiribench.validation.cost import ROWS, cost_of, expected_seconds
 from kiribench.validation.fitting import Piece, chunked, is_gp, run_piece
 from kiribench.validation.fold import Fold
 from kiribench.validation.outcome import FoldOutcome
@@ -139,24 +139,23 @@ def _run(
     progress: Progress | None,
 ) -> CvResult:
     taking_part, skipped = _taking_part(planned, models, absent, settings)
-    pieces: list[tuple[float, Piece]] = []
-    total = reused = 0
+    missing: dict[tuple[str, str], tuple[Fold, ...]] = {}
     outcomes: dict[tuple[str, str, str], FoldOutcome] = {}
     for (name, model), folds in taking_part.items():
-        missing: list[Fold] = []
+        left: list[Fold] = []
         for fold in folds:
             kept = store.read(name, model, fold.name, len(fold.test))
             if kept is None:
-                missing.append(fold)
+                left.append(fold)
             else:
                 outcomes[name, model, fold.name] = kept
-                reused += 1
-        total += len(folds)
-        pieces += _pieces(table, settings, name, model, tuple(missing))
-    pieces.sort(key=lambda one: -one[0])  # long ones first: no core waits at the end
+        if left:
+            missing[name, model] = tuple(left)
+    reused, total = len(outcomes), sum(map(len, taking_part.values()))
+    pieces = _pieces(table, settings, missing)
     if progress is not None:
         progress(len(outcomes), total)
-    for done in _work([piece for _, piece in pieces], jobs, scheduler):
+    for done in _work(pieces, jobs, scheduler):
         for outcome in done:
             store.write(outcome)
             outcomes[outcome.protocol, outcome.model, outcome.fold] = outcome
@@ -205,33 +204,44 @@ def _taking_part(
 
 
 def _pieces(
-    table: CvTable, settings: CvSettings, name: str, model: str, missing: tuple[Fold, ...]
-) -> list[tuple[float, Piece]]:
-    if not missing:
-        return []
-    one_fit = protocol(name).closed_form and is_gp(model)
-    parts = (
-        [missing]
-        if one_fit
-        else chunked(missing, cost_of(model).seconds * len(table.y) / 10_000, LEAST_PIECE_S)
-    )
-    return [
-        (
-            expected_seconds(model, part, one_fit=one_fit),
-            Piece(
-                protocol=name,
-                model=model,
-                folds=part,
-                closed_form=one_fit,
-                X=table.X,
-                y=table.y,
-                group=table.group,
-                seed=settings.seed,
-                device=settings.device,
-            ),
+    table: CvTable, settings: CvSettings, missing: dict[tuple[str, str], tuple[Fold, ...]]
+) -> list[Piece]:
+    """The work that is left, the longest first: no core waits at the end.
+
+    Args:
+        table, settings: of the run.
+        missing: folds without an outcome, by protocol and model.
+    """
+    shared: dict[str, dict[str, tuple[Fold, ...]]] = {}
+    parts: list[tuple[str, dict[str, tuple[Fold, ...]], bool]] = []
+    for (name, model), folds in missing.items():
+        if protocol(name).closed_form and is_gp(model):
+            shared.setdefault(model, {})[name] = folds
+        else:
+            each_s = cost_of(model).seconds * len(table.y) / ROWS
+            parts += [
+                (model, {name: some}, False) for some in chunked(folds, each_s, LEAST_PIECE_S)
+            ]
+    parts += [(model, folds, True) for model, folds in shared.items()]
+    pieces = [
+        Piece(
+            model=model,
+            folds=folds,
+            closed_form=closed,
+            X=table.X,
+            y=table.y,
+            group=table.group,
+            seed=settings.seed,
+            device=settings.device,
         )
-        for part in parts
+        for model, folds, closed in parts
     ]
+
+    def seconds(piece: Piece) -> float:
+        each = piece.folds.values()
+        return sum(expected_seconds(piece.model, some, one_fit=piece.closed_form) for some in each)
+
+    return sorted(pieces, key=lambda piece: -seconds(piece))
 
 
 def _work(pieces: list[Piece], jobs: int, scheduler: str | None) -> Iterator[list[FoldOutcome]]:

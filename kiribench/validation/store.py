@@ -1,8 +1,9 @@
 """Results on disk, one file a (protocol, model, fold), written at once and whole.
 
-A file is safetensors: the predictions as arrays, the rest as one JSON string. It is written
-under another name and then renamed, so that a killed run leaves whole files only; the next
-run with the same settings and the same table reads them and computes what is missing.
+A file is safetensors under a checksum (:mod:`kiribench.surrogate.kept_file`): the predictions
+as arrays, the rest as one JSON record. It is written under another name and then renamed, so that
+a killed run leaves whole files only; the next run with the same settings and the same table
+reads them and computes what is missing or damaged.
 """
 
 from __future__ import annotations
@@ -14,14 +15,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from safetensors import SafetensorError, safe_open
-from safetensors.numpy import save
 
-from kiribench.errors import UsageError
+from kiribench.errors import TableError, UsageError
+from kiribench.surrogate import kept_file
 from kiribench.validation.outcome import FoldOutcome
 
 PLAN = "cv_plan.json"
 FOLDS = "folds"
+SCHEMA = "kiribench.fold/1"
 
 
 class Store:
@@ -72,8 +73,7 @@ class Store:
             )
         }
         path = self.path(outcome.protocol, outcome.model, outcome.fold)
-        path.parent.mkdir(parents=True, exist_ok=True)
-        _replace(path, save(arrays, metadata={"outcome": json.dumps(record)}))
+        kept_file.write(path, {"schema": SCHEMA, **record}, arrays)
 
     def read(self, protocol: str, model: str, fold: str, rows: int) -> FoldOutcome | None:
         """The kept outcome; ``None`` where there is none, or where the file is damaged.
@@ -83,14 +83,11 @@ class Store:
             rows: number of test rows that it must have.
         """
         path = self.path(protocol, model, fold)
-        if not path.is_file():
-            return None
         try:
-            with safe_open(path, framework="numpy") as file:
-                record = json.loads(file.metadata()["outcome"])
-                arrays = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
-        except (SafetensorError, OSError, ValueError, KeyError, TypeError):
+            record, arrays = kept_file.read(path, SCHEMA, what="fold")
+        except TableError:
             return None
+        del record["schema"]
         asked = (protocol, model, fold)
         if tuple(record.get(key) for key in ("protocol", "model", "fold")) != asked:
             return None

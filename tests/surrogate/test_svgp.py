@@ -125,3 +125,11 @@ def test_greedy_points_beat_the_first_rows() -> None:
     parameters = [torch.tensor(x, dtype=torch.float64) for x in (SCALES, SIGNAL, SIGNAL * RATIO)]
     greedy = sparse_bound.bound(*parameters, sparse_bound.greedy_points(learnt(), X, 20), X, y)
     assert float(greedy) > float(sparse_bound.bound(*parameters, X[:20], X, y))
+
+
+def test_the_kernels_slope_is_that_of_autograd() -> None:
+    """Among the rows an equal pair, where the root of the distance has no slope."""
+    left, right = (torch.rand((n, 3), dtype=torch.float64) for n in (5, 4))
+    right[1] = left[2]
+    scales = torch.tensor([0.3, 0.7, 1.9], dtype=torch.float64, requires_grad=True)
+    assert torch.autograd.gradcheck(lambda s: sparse_bound._matern(left, right, s), (scales,))

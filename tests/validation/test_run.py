@@ -171,7 +171,8 @@ def test_a_scheduler_that_is_not_there(table: CvTable, monkeypatch: pytest.Monke
 
 def test_closed_form_equals_refits_at_the_same_hyperparameters(table: CvTable) -> None:
     folds = plan(table, CvSettings(protocols=("leave-level-a-out",))).folds["leave-level-a-out"]
-    piece = Piece("leave-level-a-out", "gp", folds, True, table.X, table.y, table.group, 0, "cpu")
+    all_folds = {"leave-level-a-out": folds}
+    piece = Piece("gp", all_folds, True, table.X, table.y, table.group, 0, "cpu")
     learnt = make("gp").fit(table.X, table.y).hyperparameters_  # type: ignore[attr-defined]
     for fold, outcome in zip(folds, run_piece(piece), strict=True):
         refit = make("gp", hyperparameters=learnt, optimise=False)
