@@ -11,7 +11,9 @@ from numpy.typing import NDArray
 
 from kiribench.dataset import Subject
 from kiribench.fem.surface_map import NodeSpline
+from kiribench.fem.wear_rest import RestMap, rest_of_skin
 from kiribench.fem.wear_skin import fill_nodes
+from kiribench.lattice import CutMap
 from kiribench.schema.layout import Layout
 from kiribench.surface.acquisition import Acquired, Denoise, acquire
 from kiribench.surface.nodes import LocatedNodes
@@ -62,6 +64,20 @@ class Skin:
         """Skin coordinates (u, v) of the node under the patch's corner (0, 0), mm."""
         row, column = self.layout.patch_offset
         return float(column * self.pitch_mm), float(row * self.pitch_mm)
+
+    @cached_property
+    def rest(self) -> RestMap | None:
+        """Where the flat patch comes to lie on the skin at rest; None where that is flat, or
+        was not scanned and so has to be taken as flat.
+
+        Raises:
+            NodesError: ``skin-not-flat``; no flat patch can be laid on it.
+        """
+        if self.rest_nodes_mm is None:
+            return None
+        rows, columns = self.region.shape
+        patch = CutMap.uniform(0.0, 0.0, rows, columns, self.pitch_mm)
+        return rest_of_skin(self.rest_nodes_mm, self.pitch_mm, patch, self.origin_q_mm)
 
     @property
     def target_q_mm(self) -> FloatArray:

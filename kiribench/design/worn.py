@@ -16,25 +16,18 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
-from typing import Any, Protocol
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from kiribench.design.convex_box import newton_in_box
 from kiribench.design.limits import Limits
-from kiribench.design.skin import Skin
+from kiribench.design.regularisation import Regularisation
+from kiribench.design.worn_model import WornModel
 from kiribench.errors import NotConvergedError, UsageError
-from kiribench.fem.material import Material
-from kiribench.fem.wear import (
-    WearSensitivities,
-    WearSpec,
-    WornPatch,
-    wear_patch,
-    wear_sensitivities,
-)
+from kiribench.fem.wear import WearSensitivities, WornPatch
 from kiribench.lattice import CutMap
-from kiribench.schema.patch_design import PatchDesign
 
 FloatArray = NDArray[np.float64]
 
@@ -54,14 +47,14 @@ class WornOptions:
         levels: meshes from coarse to fine: elements a facet edge, and at most so many steps.
         trust: largest change of a cut in one step, fraction of the cell edge.
         barrier_mm2, smoothness_mm2: weights, see the module's docstring.
-        converged_mm: a level ends where the rms distance of the corners falls by less in a step.
+        worth: a step that gains less of the objective (a fraction) is the last of its level.
     """
 
     levels: tuple[tuple[int, int], ...] = ((6, 8), (10, 3))
     trust: float = 0.3
-    barrier_mm2: float = 1e-3
+    barrier_mm2: float = 0.05
     smoothness_mm2: float = 2e-3
-    converged_mm: float = 0.01
+    worth: float = 0.01
 
     def __post_init__(self) -> None:
         fine = all(elements >= 3 and steps >= 1 for elements, steps in self.levels)
@@ -77,65 +70,6 @@ class WornOptions:
     def steps(self) -> int:
         """The most steps that there can be."""
         return sum(steps for _, steps in self.levels)
-
-
-class WornModel(Protocol):
-    """What carries a cut map to corner positions; :class:`KneeModel` or a stand-in of it."""
-
-    @property
-    def target_q_mm(self) -> FloatArray:
-        """(R+1, C+1, 2) where the corners belong, skin coordinates."""
-        ...
-
-    @property
-    def weight(self) -> FloatArray:
-        """(R+1, C+1) 1 where the skin node was seen, else 0."""
-        ...
-
-    def worn(self, cut_map: CutMap, elements: int) -> WornPatch:
-        """The patch in equilibrium."""
-        ...
-
-    def sensitivities(self, cut_map: CutMap, elements: int) -> WearSensitivities:
-        """The same with the derivatives of its corners."""
-        ...
-
-
-@dataclass(frozen=True, eq=False)
-class KneeModel:
-    """The worn model on a subject's skin.
-
-    Attributes:
-        skin: the flexed skin.
-        spec: how the patch is put on; its mesh is replaced.
-        material: None is the paper's.
-    """
-
-    skin: Skin
-    spec: WearSpec = field(default_factory=WearSpec)
-    material: Material | None = None
-
-    @property
-    def target_q_mm(self) -> FloatArray:
-        """(R+1, C+1, 2) where the corners belong."""
-        return self.skin.target_q_mm
-
-    @property
-    def weight(self) -> FloatArray:
-        """(R+1, C+1) 1 where the skin node was seen, else 0."""
-        return self.skin.under.present.astype(np.float64)
-
-    def worn(self, cut_map: CutMap, elements: int, **pose: Any) -> WornPatch:
-        """The patch in equilibrium; ``pose`` overrides fields of the spec (offset, turn, slip)."""
-        spec = replace(self.spec, elements_per_facet=elements, **pose)
-        return wear_patch(cut_map, self.skin.surface, self.skin.origin_q_mm, spec, self.material)
-
-    def sensitivities(self, cut_map: CutMap, elements: int) -> WearSensitivities:
-        """The same with the derivatives of its corners."""
-        spec = replace(self.spec, elements_per_facet=elements)
-        return wear_sensitivities(
-            cut_map, self.skin.surface, self.skin.origin_q_mm, spec, self.material
-        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -270,18 +204,17 @@ def design_worn(
             p, found, trust = trial, after, min(2 * trust, options.trust)
             history.append(taken)
             done += 1
-            if before.rms_mm - taken.rms_mm < options.converged_mm:
-                reason = f"the last step gained less than {options.converged_mm:g} mm"
+            if before.objective_mm2 - taken.objective_mm2 < options.worth * before.objective_mm2:
+                reason = f"the last step gained less than {options.worth:.0%}"
                 break
     if progress is not None:
         progress(options.steps, options.steps)
-    near = 0.01 * (high - low)
     return WornDesign(
         cut_map=map_of(p),
         iterations=tuple(history),
         options=options,
         limits=limits,
-        at_bounds=int(((p < low + near) | (p > high - near)).sum()),
+        at_bounds=regular.at_bounds(p),
         reason=reason,
         cpu_seconds=time.process_time() - began,
     )
@@ -301,53 +234,6 @@ def misfit(corner_q_mm: FloatArray, model: WornModel) -> float:
     weight = np.repeat(model.weight.ravel(), 2)
     off = (corner_q_mm - model.target_q_mm).ravel()
     return float((weight * np.nan_to_num(off) ** 2).sum() / weight.sum())
-
-
-@dataclass(frozen=True)
-class Regularisation:
-    """Barrier and smoothness of 2 R C cuts, mm^2.
-
-    Attributes:
-        shape: (R, C). low, high: bounds of the cuts. barrier, smoothness: weights, mm^2.
-    """
-
-    shape: tuple[int, int]
-    low: float
-    high: float
-    barrier: float
-    smoothness: float
-
-    def value(self, p: FloatArray) -> float:
-        """Of cuts p (2 R C,) strictly within the bounds."""
-        width = self.high - self.low
-        to_bounds = -np.log((p - self.low) / width) - np.log((self.high - p) / width)
-        rough = p @ self._roughness() @ p
-        return float(self.barrier * to_bounds.mean() + self.smoothness * rough)
-
-    def jet(self, p: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Gradient (n,) and Hessian (n, n)."""
-        count = len(p)
-        near, far = 1.0 / (p - self.low), 1.0 / (self.high - p)
-        rough = self._roughness()
-        gradient = self.barrier / count * (far - near) + 2 * self.smoothness * rough @ p
-        hessian = np.diag(self.barrier / count * (near**2 + far**2)) + 2 * self.smoothness * rough
-        return gradient, hessian
-
-    def _roughness(self) -> FloatArray:
-        """(n, n) matrix of the mean square difference of neighbouring cells, per kind of cut."""
-        rows, columns = self.shape
-        number = np.arange(rows * columns).reshape(rows, columns)
-        pairs = np.concatenate(
-            [
-                np.stack([number[:-1], number[1:]], axis=-1).reshape(-1, 2),
-                np.stack([number[:, :-1], number[:, 1:]], axis=-1).reshape(-1, 2),
-            ]
-        )
-        one = np.zeros((len(pairs), rows * columns))
-        one[np.arange(len(pairs)), pairs[:, 0]] = -1.0
-        one[np.arange(len(pairs)), pairs[:, 1]] = 1.0
-        square = one.T @ one / max(1, 2 * len(pairs))
-        return np.asarray(np.kron(np.eye(2), square))
 
 
 def model_step(
@@ -375,94 +261,3 @@ def model_step(
     low = np.maximum(-trust, regular.low + inset - p)
     high = np.minimum(trust, regular.high - inset - p)
     return newton_in_box(jet, np.zeros_like(p), np.minimum(low, 0.0), np.maximum(high, 0.0))
-
-
-Jet = Callable[[FloatArray], tuple[float, FloatArray, FloatArray]]
-
-
-def newton_in_box(
-    jet: Jet, start: FloatArray, low: FloatArray, high: FloatArray, *, steps: int = 60
-) -> FloatArray:
-    """Minimum of a smooth convex function in a box, by Newton steps of the free variables.
-
-    Bertsekas (1982, doi 10.1137/0320018): variables at a bound that the slope holds there are
-    left out; the step of the others is shortened until the function falls.
-
-    Args:
-        jet: value, gradient (n,) and positive definite Hessian (n, n).
-        start, low, high: (n,), the start within the bounds.
-    """
-    x = start.copy()
-    value, gradient, hessian = jet(x)
-    for _ in range(steps):
-        held = ((x <= low) & (gradient > 0)) | ((x >= high) & (gradient < 0))
-        free = ~held
-        if np.abs(gradient[free]).max(initial=0.0) < 1e-12 * max(1.0, abs(value)):
-            break
-        direction = np.zeros_like(x)
-        direction[free] = np.linalg.solve(hessian[np.ix_(free, free)], -gradient[free])
-        length, better = 1.0, False
-        while length > 1e-6:
-            trial = np.clip(x + length * direction, low, high)
-            new = jet(trial)
-            if np.isfinite(new[0]) and new[0] < value - 1e-4 * gradient @ (x - trial):
-                better = True
-                break
-            length /= 2
-        if not better:
-            break
-        gained = value - new[0]
-        x, (value, gradient, hessian) = trial, new
-        if gained < 1e-12 * max(1e-6, abs(value)):
-            break
-    return x
-
-
-def worn_table(start: PatchDesign, found: WornDesign, *, method: str = "worn") -> PatchDesign:
-    """The design as a table: the targets of the start, the new cuts, no surrogate's prediction."""
-    kept = {
-        name: values
-        for name, values in start.quantities.items()
-        if not name.startswith("predicted_")
-    }
-    return replace(
-        start,
-        method=method,
-        a=found.cut_map.a.copy(),
-        b=found.cut_map.b.copy(),
-        quantities=kept,
-        file=None,
-        settings={
-            "Limits": found.limits.as_dict(start.cell_mm),
-            "MethodSettings": worn_settings(found, start.method),
-        },
-    )
-
-
-def worn_settings(found: WornDesign, start: str) -> dict[str, Any]:
-    """What the sidecar says of a worn design: settings, and every iteration."""
-    last = found.iterations[-1]
-    return {
-        "Start": start,
-        "Steps": len([one for one in found.iterations if one.step > 0]),
-        "Levels": [list(level) for level in found.options.levels],
-        "BarrierMm2": found.options.barrier_mm2,
-        "SmoothnessMm2": found.options.smoothness_mm2,
-        "Trust": found.options.trust,
-        "RmsMm": last.rms_mm,
-        "WorstMm": last.worst_mm,
-        "AtBounds": found.at_bounds,
-        "Stopped": found.reason,
-        "Iterations": [
-            {
-                "Elements": one.elements,
-                "RmsMm": one.rms_mm,
-                "WorstMm": one.worst_mm,
-                "ObjectiveMm2": one.objective_mm2,
-                "Step": one.step,
-                "APercent": np.round(100 * one.a, 2).tolist(),
-                "BPercent": np.round(100 * one.b, 2).tolist(),
-            }
-            for one in found.iterations
-        ],
-    }

@@ -24,6 +24,9 @@ BREAKING_STRETCH = 10.2
 the Soft Robotics Materials Database (crosshead strain, which overstates it; Marechal et al. 2020,
 doi 10.1089/soro.2019.0115)."""
 
+BREAKING_STRESS_MPA = 4.434
+"""Nominal stress at which it broke: the same row."""
+
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(6)
 
 

@@ -22,8 +22,10 @@ from kiribench.errors import NotConvergedError, UsageError
 from kiribench.fem.material import Material
 from kiribench.fem.surface_map import Plane, SurfaceMap
 from kiribench.fem.wear import WearSpec, WornPatch, wear_patch
+from kiribench.fem.wear_contact import weight_mpa
 from kiribench.fem.wear_friction import skin_path
 from kiribench.fem.wear_measures import cell_measures
+from kiribench.fem.wear_rest import RestMap
 from kiribench.lattice import CutMap
 from kiribench.reference.developed import FlatSkin
 from kiribench.reference.predicted import flat_conformability, predicted_conformability
@@ -70,6 +72,11 @@ class Ground(Protocol):
         """Skins on the way from rest, which friction needs; None where it is not known."""
         ...
 
+    @property
+    def rest(self) -> RestMap | None:
+        """Where the flat patch is laid if the skin is not flat at rest; None where it is."""
+        ...
+
     def score(
         self, corner_q_mm: FloatArray, design: PatchDesign, options: ScoreOptions
     ) -> Conformability:
@@ -114,6 +121,11 @@ class KneeGround:
         if self.skin.rest_nodes_mm is None:
             return None
         return skin_path(self.skin.rest_nodes_mm, self.skin.nodes_mm, self.skin.pitch_mm)
+
+    @property
+    def rest(self) -> RestMap | None:
+        """See :attr:`kiribench.design.skin.Skin.rest`."""
+        return self.skin.rest
 
     def score(
         self, corner_q_mm: FloatArray, design: PatchDesign, options: ScoreOptions
@@ -169,6 +181,11 @@ class FlatGround:
     @property
     def path(self) -> Sequence[SurfaceMap] | None:
         """Not known: the flat check is without friction, or sticks."""
+        return None
+
+    @property
+    def rest(self) -> RestMap | None:
+        """None: it is flat."""
         return None
 
     def score(
@@ -269,8 +286,14 @@ class CheckedDesign:
 
     @property
     def lift_off(self) -> NDArray[np.bool_]:
-        """(2R, 2C) facets that would lift off: the skin would have to pull."""
-        return np.asarray(self.worn.contact_pressure_mpa < 0)
+        """(2R, 2C) facets on which the skin would have to pull, by more than they weigh."""
+        return np.asarray(self.worn.contact_pressure_mpa < -weight_mpa(self.design.thickness_mm))
+
+    @property
+    def overlapping_mm(self) -> FloatArray:
+        """(R, C) largest depth to which cut faces of the cell pass through others."""
+        rows, columns = self.design.shape
+        return np.asarray(self.worn.facet_overlap_mm.reshape(rows, 2, columns, 2).max(axis=(1, 3)))
 
 
 #: Below this strain a ratio of strains says nothing.
@@ -364,7 +387,9 @@ def put_on(
     cut_map = CutMap(design.a, design.b, design.cell_mm)
     slides = 0 < spec.friction < np.inf
     path = ground.path if slides else None
-    worn = wear_patch(cut_map, ground.surface, ground.origin_q_mm, spec, material, path=path)
+    worn = wear_patch(
+        cut_map, ground.surface, ground.origin_q_mm, spec, material, rest=ground.rest, path=path
+    )
     if worn.status != "ok":
         raise NotConvergedError(
             "check-not-converged",

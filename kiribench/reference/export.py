@@ -9,7 +9,9 @@ from numpy.typing import NDArray
 
 from kiribench.conformability.export import conform_object, number
 from kiribench.conformability.result import DEFINITIONS
-from kiribench.fem.wear_measures import BREAKING_STRETCH
+from kiribench.fem.loadpath import OVERLAP_FLAG_MM
+from kiribench.fem.wear_contact import weight_mpa
+from kiribench.fem.wear_measures import BREAKING_STRESS_MPA, BREAKING_STRETCH, TIP_DISTANCE_MM
 from kiribench.reference.check import CheckedDesign, FlatGround
 
 FloatArray = NDArray[np.float64]
@@ -34,8 +36,11 @@ COLUMNS: dict[str, str] = {
     "grade": "good, fair or poor by the chosen definition",
     "main_cause": "cause of the largest cost",
     "mesh_error_overlap": "estimated error of the graded overlap by the mesh",
-    "contact_pressure_mpa": "mean of the cell's four facets; negative where it would lift off",
-    "lift_off_facets": "of the cell's four facets those that the skin would have to hold",
+    "contact_pressure_mpa": "mean of the cell's four facets; negative where the skin would pull",
+    "lift_off_facets": "of the cell's four facets those on which the skin would have to pull by "
+    "more than they weigh",
+    "face_overlap_mm": "largest depth to which cut faces of the cell pass through each other; the "
+    "model has no contact of faces, so from 0.1 on the cell is not to be trusted",
     "reason": "why the cell has no score",
 }
 
@@ -61,6 +66,7 @@ def check_rows(checked: CheckedDesign) -> list[dict[str, Any]]:
         "overlap_iou": score.overlap_iou,
         "mesh_error_overlap": checked.mesh_overlap,
         "contact_pressure_mpa": pressure,
+        "face_overlap_mm": checked.overlapping_mm,
     }
     out = []
     for at in np.ndindex(rows, columns):
@@ -121,15 +127,97 @@ def check_object(checked: CheckedDesign) -> dict[str, Any]:
             "poisson_ratio_rms": _rms(checked.poisson_error),
             "poisson_ratio_largest": _largest(checked.poisson_error),
         },
-        "lift_off_share": float(checked.lift_off.mean()),
+        "contact": contact_object(checked),
         "face_overlap_mm": number(worn.face_overlap_mm),
-        "largest_tip_stretch": _largest(worn.tip_stretch),
-        "breaking_stretch": BREAKING_STRETCH,
+        "face_overlap_cells": overlapping_cells(checked),
+        "tips": {
+            "distance_mm": TIP_DISTANCE_MM,
+            "largest_stretch": _largest(worn.tip_stretch),
+            "breaking_stretch": BREAKING_STRETCH,
+            "largest_nominal_stress_mpa": _largest(worn.tip_stress_mpa / worn.tip_stretch),
+            "breaking_stress_mpa": BREAKING_STRESS_MPA,
+        },
+        "rest": rest_object(checked),
         "strap_force_n": number(worn.strap_force_n),
         "newton_iterations": worn.newton_iterations,
         "cells_below_good": causes_of(checked),
         "table": check_rows(checked),
     }
+
+
+def contact_object(checked: CheckedDesign) -> dict[str, float]:
+    """How the skin holds the patch: pressures in pascal, shares of facets and of the area."""
+    pressure = 1e6 * checked.worn.contact_pressure_mpa
+    area = checked.worn.contact_area_mm2
+    return {
+        "mean_pressure_pa": float(np.average(pressure, weights=area)),
+        "largest_pressure_pa": float(pressure.max()),
+        "largest_pull_pa": float(max(0.0, -pressure.min())),
+        "weight_pa": 1e6 * weight_mpa(checked.design.thickness_mm),
+        "pulled_facets": float((pressure < 0).mean()),
+        "lift_off_area": float(np.average(checked.lift_off, weights=area)),
+    }
+
+
+def contact_words(contact: dict[str, float]) -> str:
+    """The same in a sentence."""
+    mean = f"The skin presses on the patch with {contact['mean_pressure_pa']:.0f} Pa on average"
+    if not contact["lift_off_area"]:
+        return f"{mean}, and would have to hold no part of it."
+    return (
+        f"{mean}; on {100 * contact['lift_off_area']:.0f} % of the area it would have to pull "
+        f"by more than the sheet weighs ({contact['weight_pa']:.0f} Pa), by "
+        f"{contact['largest_pull_pa']:.0f} Pa at most: there the patch would stand off."
+    )
+
+
+def overlapping_cells(checked: CheckedDesign) -> list[list[int]]:
+    """(row, column) of cells of which cut faces pass through each other beyond the flag."""
+    return [[int(r), int(c)] for r, c in np.argwhere(checked.overlapping_mm > OVERLAP_FLAG_MM)]
+
+
+def overlap_flag(checked: CheckedDesign) -> str | None:
+    """The same in a sentence; None where there are none."""
+    cells = overlapping_cells(checked)
+    if not cells:
+        return None
+    listed = ", ".join(f"({r}, {c})" for r, c in cells)
+    return (
+        f"Cut faces pass through each other by up to {checked.worn.face_overlap_mm:.2f} mm in "
+        f"{'cell' if len(cells) == 1 else 'cells'} (row, column) {listed}. Faces that touch are "
+        "not modelled: there the prediction does not hold."
+    )
+
+
+def tip_words(tips: dict[str, float]) -> str:
+    """Stretch and stress before the cut tips against what broke the rubber."""
+    return (
+        f"Rubber {tips['distance_mm']:g} mm before the cut tips: stretch up to "
+        f"{tips['largest_stretch']:.2f} (it broke at {tips['breaking_stretch']:.1f} in a tension "
+        f"test), nominal stress up to {tips['largest_nominal_stress_mpa']:.2f} MPa "
+        f"({tips['breaking_stress_mpa']:.2f}). At a tip itself the model knows no limit of "
+        "either, so nothing is said about tearing."
+    )
+
+
+def rest_object(checked: CheckedDesign) -> dict[str, float] | None:
+    """How the patch was laid on a skin that is not flat at rest; None where it is flat."""
+    rest = checked.ground.rest
+    return None if rest is None else {
+        "mismatch": rest.flatness.mismatch,
+        "total_gauss_curvature_rad": rest.flatness.total_curvature,
+        "largest_strain": rest.largest_strain,
+    }  # fmt: skip
+
+
+def rest_words(rest: dict[str, float]) -> str:
+    """The same in a sentence."""
+    return (
+        f"The skin at 0 degrees is not flat: its grid misses its pitch by {rest['mismatch']:.1%} "
+        f"(rms), its Gauss curvature adds up to {rest['total_gauss_curvature_rad']:.3f} rad under "
+        "the patch. The patch was laid on it with the least strain (at most "
+        f"{rest['largest_strain']:.1%}), not node on node."
+    )
 
 
 def score_by(checked: CheckedDesign, definition: str) -> FloatArray:
@@ -192,8 +280,14 @@ def check_text(checked: CheckedDesign) -> str:
     if causes:
         listed = ", ".join(f"{n} {name}" for name, n in causes.items())
         lines.append(f"  Main cause of the cells that are not good: {listed}.")
-    if content["lift_off_share"] > 0:
-        lines.append(f"  {100 * content['lift_off_share']:.0f} % of the facets would lift off.")
+    flag = overlap_flag(checked)
+    notes = [
+        None if content["rest"] is None else rest_words(content["rest"]),
+        contact_words(content["contact"]) if ground.kind == "worn" else None,
+        tip_words(content["tips"]) if checked.worn.tip_stretch.size else None,
+        None if flag is None else f"WARNING: {flag}",
+    ]
+    lines += [f"  {note}" for note in notes if note]
     return "\n".join(lines)
 
 

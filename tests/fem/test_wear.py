@@ -22,7 +22,7 @@ from kiribench.fem.material import Ogden
 from kiribench.fem.patch import simulate_patch
 from kiribench.fem.surface_map import Cylinder, Plane, SurfaceJet
 from kiribench.fem.wear import WearSpec, WornPatch, wear_patch
-from kiribench.fem.wear_measures import BREAKING_STRETCH
+from kiribench.fem.wear_measures import BREAKING_STRESS_MPA, BREAKING_STRETCH
 from kiribench.fem.wear_mesh import NO_CUT
 from kiribench.lattice import CutMap
 
@@ -233,6 +233,7 @@ def test_the_breaking_stretch_is_the_last_row_of_the_tension_test() -> None:
     path = Path(__file__).parents[1] / "data" / "dragon_skin_srmd" / "Dragon_Skin_20.csv"
     last = path.read_text().strip().splitlines()[-1].split(";")
     assert pytest.approx(1 + float(last[3]), abs=0.05) == BREAKING_STRETCH
+    assert pytest.approx(float(last[4]), abs=0.001) == BREAKING_STRESS_MPA
 
 
 def test_what_cannot_be_modelled_is_refused() -> None:

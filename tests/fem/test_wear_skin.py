@@ -83,15 +83,19 @@ def test_a_rest_map_lays_a_patch_flat_on_skin_that_its_grid_misstates() -> None:
 def test_which_skin_needs_a_rest_map_and_which_is_refused() -> None:
     cut_map = CutMap.uniform(0.5, 0.5, 4, 4, PITCH)
     assert rest_of_skin(_nodes_of(Cylinder(50.0), 7, 7), PITCH, cut_map, (10, 10)) is None
-    ball = sphere_nodes(60.0, 7, 7, PITCH)
+    ball = sphere_nodes(40.0, 7, 7, PITCH)
+    # Only what lies under the patch counts: a flatter ball, or a smaller patch, needs none.
+    assert rest_of_skin(sphere_nodes(60.0, 7, 7, PITCH), PITCH, cut_map, (10.0, 10.0)) is None
+    small = CutMap.uniform(0.5, 0.5, 2, 2, PITCH)
+    assert rest_of_skin(ball, PITCH, small, (20.0, 20.0)) is None
     laid = rest_of_skin(ball, PITCH, cut_map, (10.0, 10.0))
     assert laid is not None
-    assert 0.001 < laid.largest_strain < 0.1
+    assert 0.01 < laid.largest_strain < 0.2
     # By symmetry the centre and the mid-lines stay; least energy spreads the corners.
     np.testing.assert_allclose(laid.sites_q_mm[4, 4], 30.0, atol=REST_SPHERE_MM)
     np.testing.assert_allclose(laid.sites_q_mm[:, 4, 0], 30.0, atol=REST_SPHERE_MM)
-    with pytest.raises(NodesError, match=r"skin-not-flat.*Gauss curvature is \d"):
-        rest_of_skin(sphere_nodes(25.0, 7, 7, PITCH), PITCH, cut_map, (10.0, 10.0))
+    with pytest.raises(NodesError, match=r"skin-not-flat.*Gauss curvature under the patch is \d"):
+        rest_of_skin(sphere_nodes(20.0, 7, 7, PITCH), PITCH, cut_map, (10.0, 10.0))
     for participant in ("S1", "S2", "S3"):
         assert flatness(knee_nodes(participant, "flex000"), 15.0).flat
 
