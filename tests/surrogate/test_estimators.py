@@ -66,3 +66,13 @@ def test_unknown_model_lists_the_names() -> None:
 def test_settings_override_the_variant() -> None:
     assert make("random_forest:paper").get_params()["max_depth"] == 2
     assert make("random_forest:paper", max_depth=4).get_params()["max_depth"] == 4
+
+
+def test_every_model_is_checked() -> None:
+    """The optional ones too: where they are not installed this says so instead of passing."""
+    absent = [name for name in model_names(available_only=False) if not spec(name).available]
+    if absent:
+        pytest.skip(f"not installed: {', '.join(absent)}")
+    checked = {type(make(name)) for name in model_names() if name not in VARIANTS}
+    assert checked == {type(make(name)) for name in model_names(available_only=False)}
+    assert len(checked) == 10
