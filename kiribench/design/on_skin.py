@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kiribench.design.cells import cells_of
 from kiribench.design.judge import designed
@@ -15,17 +16,21 @@ from kiribench.design.options import DesignOptions
 from kiribench.design.problem import DesignProblem
 from kiribench.design.reachable import reachable
 from kiribench.design.result import Designed, OnSkin
-from kiribench.design.robust import Overlap, design_robust
+from kiribench.design.robust import design_robust
 from kiribench.design.skin import Skin
 from kiribench.design.surrogates import Surrogates
-from kiribench.design.worn import KneeModel, design_worn, distances, worn_settings
+from kiribench.design.worn import design_worn, distances
+from kiribench.design.worn_model import KneeModel
+from kiribench.design.worn_record import worn_settings
 from kiribench.errors import NotConvergedError, UsageError
 from kiribench.fem.wear import WornPatch
 from kiribench.lattice import CutMap
 
+Overlap = Callable[[NDArray[np.float64]], NDArray[np.float64]]
+
 KNEE_METHODS: dict[str, str] = {
     "worn": "corners of the simulated worn patch on their nodes, by Gauss-Newton",
-    "robust": "the same, good on average over errors of placement and of the nodes",
+    "robust": "the same, on average over errors of placement",
 }
 #: Where a design on the skin starts from, the first that can be worn.
 STARTS = ("balanced", "exact", "uniform")
@@ -54,20 +59,19 @@ def design_on_skin(
         skin: the flexed skin.
         start: method of the start; None is the first of :data:`STARTS` that has an
             equilibrium on the skin, without ``balanced`` where the surrogate knows no stress.
-        overlap: corners in skin coordinates to overlaps; ``robust`` needs it, ``worn`` is only
-            judged by it.
+        overlap: corners in skin coordinates to overlaps, to judge the design by.
         good_from: overlap from which on a cell is graded good.
         progress: called with (done, total) steps.
 
     Raises:
-        UsageError: the method is unknown, or ``robust`` without ``overlap``.
+        UsageError: the method is unknown.
         NotConvergedError: no start has an equilibrium on the skin.
     """
-    if method not in KNEE_METHODS or (method == "robust" and overlap is None):
+    if method not in KNEE_METHODS:
         raise UsageError(
             "method-unknown",
             "There is no such method of design on the skin.",
-            remedy="Choose one of the methods named; robust needs the overlap.",
+            remedy="Choose one of the methods named.",
             got=method,
             expected=", ".join(KNEE_METHODS),
         )
@@ -90,16 +94,20 @@ def design_on_skin(
     seconds += found.cpu_seconds
     settings = worn_settings(found, begin)
     first_rms = found.iterations[0].rms_mm
-    losses: tuple[float | None, float | None] = (None, None)
-    if method == "robust" and overlap is not None:
-        found = design_robust(model, found.cut_map, overlap, limits)
+    posed: tuple[float | None, float | None] = (None, None)
+    if method == "robust":
+        found = design_robust(model, found.cut_map, limits, progress=progress)
         seconds += found.cpu_seconds
         settings = worn_settings(found, "worn")
-        losses = (found.iterations[0].objective_mm2, found.iterations[-1].objective_mm2)
+        posed = (found.iterations[0].posed_rms_mm, found.iterations[-1].posed_rms_mm)
     confirmed = model.worn(found.cut_map, CONFIRM_ELEMENTS)
     judged = _judged(model, confirmed, overlap, good_from)
     judged = replace(
-        judged, start=begin, start_rms_mm=first_rms, loss_start=losses[0], loss=losses[1]
+        judged,
+        start=begin,
+        start_rms_mm=first_rms,
+        posed_start_rms_mm=posed[0],
+        posed_rms_mm=posed[1],
     )
     settings["Confirmed"] = {
         "Elements": CONFIRM_ELEMENTS,

@@ -82,8 +82,8 @@ class OnSkin:
         overlap_mean, overlap_least: of the cells with the skin's, by fast charts; None where
             nobody asked.
         cells_good, cells_scored: how many of the cells are graded good; None likewise.
-        loss_start, loss: of ``robust``: mean of (1 - overlap)^2 over its placement errors and
-            draws of node noise, with the regularisation; None of ``worn``.
+        posed_start_rms_mm, posed_rms_mm: of ``robust``: rms distance of the corners from their
+            nodes over its errors of placement, before and after; None of ``worn``.
     """
 
     elements: int
@@ -96,8 +96,8 @@ class OnSkin:
     overlap_least: float | None = None
     cells_good: int | None = None
     cells_scored: int | None = None
-    loss_start: float | None = None
-    loss: float | None = None
+    posed_start_rms_mm: float | None = None
+    posed_rms_mm: float | None = None
 
 
 @dataclass(frozen=True, eq=False)

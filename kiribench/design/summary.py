@@ -15,7 +15,7 @@ from kiribench.design.result import REASONS, Designed
 FloatArray = NDArray[np.float64]
 
 _UNSEEN = ("strain-below-data", "strain-beyond-data")
-_AIMS = {"worn": "worn-corners", "robust": "worn-overlap-over-errors"}
+_AIMS = {"worn": "worn-corners", "robust": "worn-corners-over-errors"}
 
 
 def design_object(result: Designed) -> dict[str, Any]:
@@ -133,8 +133,8 @@ def _skin_lines(told: dict[str, Any]) -> list[str]:
     lines = [
         "  aim: the corners of the worn patch on their nodes of the flexed skin"
         if told["method"] == "worn"
-        else "  aim: the most overlap of patch and skin cells, on average over errors of placement "
-        "and of the nodes",
+        else "  aim: the corners of the worn patch on their nodes, on average over errors of "
+        "placement",
         f"  worn, simulated: corners {skin['rms_mm']:.2f} mm (rms) from their nodes, "
         f"{skin['worst_mm']:.2f} mm at most, on a mesh of {skin['elements']} elements a facet "
         f"edge that the design has not seen; {skin['start_rms_mm']:.2f} mm where it began "
@@ -145,10 +145,10 @@ def _skin_lines(told: dict[str, Any]) -> list[str]:
             f"  predicted overlap with the skin's cells: {skin['overlap_mean']:.3f} mean, "
             f"{skin['overlap_least']:.3f} in the worst" + _good(skin, " ({} of {} cells good)")
         )
-    if skin["loss"] is not None:
+    if skin["posed_rms_mm"] is not None:
         lines.append(
-            f"  mean of (1 - overlap)^2 over the errors: {skin['loss']:.5f}, where it began "
-            f"{skin['loss_start']:.5f}"
+            f"  over the errors of placement: {skin['posed_rms_mm']:.2f} mm (rms), "
+            f"{skin['posed_start_rms_mm']:.2f} mm where it began"
         )
     lines.append(
         f"  Poisson's ratio is no aim: by the surrogate, each cell flat and for itself, it is "

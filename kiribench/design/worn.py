@@ -10,6 +10,9 @@ discrete worn model. In skin coordinates an overlap does not change with the str
 over the cuts p + d within the bounds and a trust region: all half-cuts are means of cell values,
 so the bounds are the ligament constraints. The barrier keeps cuts off their bounds, where the
 linear model would drive them (an ill-posed direction: some cuts hardly move a corner).
+
+The patch may be put on in several poses (:mod:`kiribench.design.robust`): then q are the corners
+of all of them, each with the derivatives in its own pose.
 """
 
 from __future__ import annotations
@@ -17,6 +20,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +30,6 @@ from kiribench.design.limits import Limits
 from kiribench.design.regularisation import Regularisation
 from kiribench.design.worn_model import WornModel
 from kiribench.errors import NotConvergedError, UsageError
-from kiribench.fem.wear import WearSensitivities, WornPatch
 from kiribench.lattice import CutMap
 
 FloatArray = NDArray[np.float64]
@@ -39,6 +42,11 @@ MARGIN = 0.02
 SHORTEST_STEP = 0.002
 
 
+#: Fields of the wear model's spec that a pose overrides; none where the patch is put on exactly.
+Pose = dict[str, Any]
+EXACT: Pose = {}
+
+
 @dataclass(frozen=True)
 class WornOptions:
     """How the worn design works.
@@ -48,6 +56,7 @@ class WornOptions:
         trust: largest change of a cut in one step, fraction of the cell edge.
         barrier_mm2, smoothness_mm2: weights, see the module's docstring.
         worth: a step that gains less of the objective (a fraction) is the last of its level.
+        poses: that the patch is put on in, all of the same weight, the exact one first.
     """
 
     levels: tuple[tuple[int, int], ...] = ((6, 8), (10, 3))
@@ -55,6 +64,7 @@ class WornOptions:
     barrier_mm2: float = 0.05
     smoothness_mm2: float = 2e-3
     worth: float = 0.01
+    poses: tuple[Pose, ...] = (EXACT,)
 
     def __post_init__(self) -> None:
         fine = all(elements >= 3 and steps >= 1 for elements, steps in self.levels)
@@ -78,10 +88,12 @@ class Iteration:
 
     Attributes:
         a, b: (R, C) cut lengths / cell edge.
-        corner_q_mm: (R+1, C+1, 2) where the corners lie.
+        corner_q_mm: (R+1, C+1, 2) where the corners lie, put on exactly.
         elements: of the mesh that says so.
-        rms_mm, worst_mm: distance of the corners from their nodes, in skin coordinates.
-        objective_mm2: with barrier and smoothness. step: largest change of a cut that led here.
+        rms_mm, worst_mm: distance of these corners from their nodes, in skin coordinates.
+        posed_rms_mm: rms distance over all poses.
+        objective_mm2: mean over all poses, with barrier and smoothness.
+        step: largest change of a cut that led here.
         cpu_seconds: since the start.
     """
 
@@ -91,6 +103,7 @@ class Iteration:
     elements: int
     rms_mm: float
     worst_mm: float
+    posed_rms_mm: float
     objective_mm2: float
     step: float
     cpu_seconds: float
@@ -159,20 +172,21 @@ def design_worn(
         a, b = cuts.reshape(2, *shape)
         return CutMap(a, b, start.cell_mm)
 
-    def state(cuts: FloatArray, worn: WornPatch, elements: int, step: float) -> Iteration:
-        rms, worst = distances(worn.corner_q_mm, model)
+    def state(cuts: FloatArray, worn: Posed, elements: int, step: float) -> Iteration:
+        exact = worn.corner_q_mm[0]
+        rms, worst = distances(exact, model)
         a, b = cuts.reshape(2, *shape)
-        value = misfit(worn.corner_q_mm, model) + regular.value(cuts)
+        off = misfit(worn.corner_q_mm, model)
         return Iteration(
-            a, b, worn.corner_q_mm, elements, rms, worst, value, step,
-            time.process_time() - began,
+            a, b, exact, elements, rms, worst, float(np.sqrt(2 * off)),
+            off + regular.value(cuts), step, time.process_time() - began,
         )  # fmt: skip
 
     history: list[Iteration] = []
     reason, done = "all steps were taken", 0
     for elements, steps in options.levels:
         # Another mesh has another misfit: steps are compared on one mesh only.
-        found = _tried(model, map_of(p), elements)
+        found = _tried(model, map_of(p), elements, options.poses)
         if found is None and not history:
             raise NotConvergedError(
                 "worn-start",
@@ -182,7 +196,7 @@ def design_worn(
         if found is None:
             reason = f"no equilibrium at {elements} elements a facet"
             break
-        history.append(state(p, found.worn, elements, 0.0))
+        history.append(state(p, found, elements, 0.0))
         trust, reason = options.trust, "all steps were taken"
         for _ in range(steps):
             if progress is not None:
@@ -191,9 +205,9 @@ def design_worn(
             while trust > SHORTEST_STEP:
                 step = model_step(p, found, model, regular, trust)
                 trial = p + step
-                after = _tried(model, map_of(trial), elements)
+                after = _tried(model, map_of(trial), elements, options.poses)
                 if after is not None:
-                    new = state(trial, after.worn, elements, float(np.abs(step).max()))
+                    new = state(trial, after, elements, float(np.abs(step).max()))
                     if new.objective_mm2 < before.objective_mm2:
                         taken = new
                         break
@@ -220,41 +234,63 @@ def design_worn(
     )
 
 
-def _tried(model: WornModel, cut_map: CutMap, elements: int) -> WearSensitivities | None:
-    """The patch with its derivatives, or None where it has no equilibrium."""
-    try:
-        found = model.sensitivities(cut_map, elements)
-    except NotConvergedError:
-        return None
-    return found if found.worn.status == "ok" else None
+@dataclass(frozen=True, eq=False)
+class Posed:
+    """A patch in s poses.
+
+    Attributes:
+        corner_q_mm: (s, R+1, C+1, 2) where its corners lie.
+        corner_q: (s (R+1) (C+1) 2, n) their derivatives by the cuts, mm.
+    """
+
+    corner_q_mm: FloatArray
+    corner_q: FloatArray
+
+
+def _tried(
+    model: WornModel, cut_map: CutMap, elements: int, poses: tuple[Pose, ...]
+) -> Posed | None:
+    """The patch in all poses, or None where one of them has no equilibrium."""
+    corners, derivatives = [], []
+    for pose in poses:
+        try:
+            found = model.sensitivities(cut_map, elements, **pose)
+        except NotConvergedError:
+            return None
+        if found.worn.status != "ok":
+            return None
+        corners.append(found.worn.corner_q_mm)
+        derivatives.append(found.corner_q)
+    return Posed(np.stack(corners), np.concatenate(derivatives))
 
 
 def misfit(corner_q_mm: FloatArray, model: WornModel) -> float:
-    """Weighted mean square of the two components of the corners' distances, mm^2."""
-    weight = np.repeat(model.weight.ravel(), 2)
-    off = (corner_q_mm - model.target_q_mm).ravel()
-    return float((weight * np.nan_to_num(off) ** 2).sum() / weight.sum())
+    """Mean square of the two components of the corners' distances, mm^2.
+
+    Args:
+        corner_q_mm: (..., R+1, C+1, 2), any number of poses; unseen nodes do not count.
+    """
+    off = np.nan_to_num(corner_q_mm - model.target_q_mm)
+    count = 2 * model.weight.sum() * (off.size / model.target_q_mm.size)
+    return float((model.weight[..., None] * off**2).sum() / count)
 
 
 def model_step(
-    p: FloatArray,
-    found: WearSensitivities,
-    model: WornModel,
-    regular: Regularisation,
-    trust: float,
+    p: FloatArray, found: Posed, model: WornModel, regular: Regularisation, trust: float
 ) -> FloatArray:
     """The change of the cuts that is best by the linearised corners, within the trust region."""
-    weight = np.repeat(model.weight.ravel(), 2)
-    weight = weight / weight.sum()
-    off = np.nan_to_num((found.worn.corner_q_mm - model.target_q_mm).ravel())
+    off = np.nan_to_num(found.corner_q_mm - model.target_q_mm)
+    weight = np.broadcast_to(model.weight[..., None], off.shape).ravel()
+    weight, off = weight / weight.sum(), off.ravel()
     normal = 2 * (found.corner_q.T * weight) @ found.corner_q
     slope = 2 * (found.corner_q.T * weight) @ off
+    level = float((weight * off**2).sum())
 
     def jet(step: FloatArray) -> tuple[float, FloatArray, FloatArray]:
         gradient, hessian = regular.jet(p + step)
-        left = off + found.corner_q @ step
-        value = float((weight * left**2).sum()) + regular.value(p + step)
-        return value, slope + normal @ step + gradient, normal + hessian
+        bent = normal @ step
+        value = level + float(slope @ step + 0.5 * step @ bent) + regular.value(p + step)
+        return value, slope + bent + gradient, normal + hessian
 
     # The barrier is infinite at the bounds: stay a little inside of them.
     inset = 1e-4 * (regular.high - regular.low)

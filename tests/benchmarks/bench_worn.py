@@ -14,7 +14,8 @@ import numpy as np
 
 from kiribench.dataset import Dataset
 from kiribench.design.skin import skin_of
-from kiribench.design.worn import KneeModel, design_worn
+from kiribench.design.worn import design_worn
+from kiribench.design.worn_model import KneeModel
 from kiribench.lattice import CutMap
 from kiribench.reference.fast_overlap import FastOverlap
 from kiribench.reference.predicted import predicted_conformability

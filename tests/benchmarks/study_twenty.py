@@ -22,14 +22,16 @@ from kiribench.dataset import Dataset
 from kiribench.design.methods import design_patch
 from kiribench.design.on_skin import design_on_skin
 from kiribench.design.problem import DesignProblem, problem_from_subject
+from kiribench.design.robust import design_robust
 from kiribench.design.skin import skin_of
 from kiribench.design.surrogates import Surrogates
-from kiribench.design.worn import KneeModel, worn_table
+from kiribench.design.worn_model import KneeModel
+from kiribench.design.worn_record import worn_table
 from kiribench.errors import NotConvergedError
 from kiribench.lattice import CutMap
-from kiribench.reference.check import CheckOptions, KneeGround, check_design
+from kiribench.reference.check import CheckOptions, check_design
 from kiribench.reference.export import check_object
-from kiribench.reference.fast_overlap import FastOverlap
+from kiribench.reference.ground import KneeGround
 from kiribench.reference.side_by_side import best_uniform
 from kiribench.schema.design_space import read_design_space
 from kiribench.schema.patch_design import PatchDesign, read_design, write_design
@@ -143,12 +145,8 @@ def one(
     ground = KneeGround(skin)
     began = time.process_time()
     if method == "robust":
-        from kiribench.design.robust import design_robust
-
         kept = read_design(folder / "designs" / label / "worn")
-        fast = FastOverlap.of(skin)
-        made_robust = design_robust(model, CutMap(kept.a, kept.b, kept.cell_mm),
-                                    fast.overlap)  # fmt: skip
+        made_robust = design_robust(model, CutMap(kept.a, kept.b, kept.cell_mm))
         design = worn_table(kept, made_robust, method="robust")
     elif method == "worn":
         design = design_on_skin("worn", problem, models, skin).design

@@ -68,8 +68,8 @@ def told_of(monkeypatch: pytest.MonkeyPatch, method: str, overlap: Any) -> tuple
         weight=np.ones(target.shape[:2]),
         worn=lambda *_: SimpleNamespace(corner_q_mm=worn, status="ok", cpu_seconds=0.0),
     )
-    first = SimpleNamespace(rms_mm=6.25, objective_mm2=0.04)
-    last = SimpleNamespace(rms_mm=1.0, objective_mm2=0.01)
+    first = SimpleNamespace(rms_mm=6.25, posed_rms_mm=1.5)
+    last = SimpleNamespace(rms_mm=1.0, posed_rms_mm=1.25)
     found = SimpleNamespace(
         cut_map=CutMap(cuts[..., 0], cuts[..., 1], 15.0),
         iterations=(first, last),
@@ -106,7 +106,7 @@ def test_a_worn_design_says_what_it_aims_at_and_what_not(monkeypatch: Any) -> No
     assert (skin["worst_mm"], skin["start_rms_mm"]) == (pytest.approx(5.0), 6.25)
     assert (skin["cells_good"], skin["cells_scored"], skin["overlap_least"]) == (10, 19, 0.85)
     assert skin["overlap_mean"] == pytest.approx((10 * 0.95 + 9 * 0.85) / 19)
-    assert skin["loss"] is None
+    assert skin["posed_rms_mm"] is None
     verdict = words.splitlines()[-1]
     assert "0.91 mm (rms)" in verdict and "5.00 mm at most" in verdict
     assert "10 of 19 good" in verdict and "surrogate" not in verdict
@@ -115,6 +115,7 @@ def test_a_worn_design_says_what_it_aims_at_and_what_not(monkeypatch: Any) -> No
 
 def test_a_robust_design_says_its_mean_over_the_errors(monkeypatch: Any) -> None:
     told, words = told_of(monkeypatch, "robust", half_covered)
-    assert told["aims_at"] == "worn-overlap-over-errors"
-    assert (told["on_skin"]["loss_start"], told["on_skin"]["loss"]) == (0.04, 0.01)
-    assert "0.01000, where it began 0.04000" in words
+    assert told["aims_at"] == "worn-corners-over-errors"
+    skin = told["on_skin"]
+    assert (skin["posed_start_rms_mm"], skin["posed_rms_mm"]) == (1.5, 1.25)
+    assert "1.25 mm (rms), 1.50 mm where it began" in words

@@ -9,23 +9,16 @@ import pytest
 from scipy.optimize import lsq_linear
 from worn_stand_in import StandIn
 
+from kiribench.design.convex_box import newton_in_box
 from kiribench.design.limits import Limits
-from kiribench.design.worn import (
-    SHORTEST,
-    Regularisation,
-    WornOptions,
-    design_worn,
-    distances,
-    newton_in_box,
-    worn_table,
-)
+from kiribench.design.regularisation import Regularisation
+from kiribench.design.worn import SHORTEST, WornOptions, design_worn, distances
+from kiribench.design.worn_record import worn_table
 from kiribench.errors import NotConvergedError, UsageError
 from kiribench.lattice import CutMap
 from kiribench.schema.patch_design import PatchDesign
 
-FREE = WornOptions(
-    levels=((10, 12),), trust=0.3, barrier_mm2=1e-12, smoothness_mm2=0.0, converged_mm=1e-9
-)
+FREE = WornOptions(levels=((10, 12),), trust=0.3, barrier_mm2=1e-12, smoothness_mm2=0.0, worth=1e-9)
 
 
 def start(value: float = 0.5) -> CutMap:
@@ -126,7 +119,7 @@ def test_meshes_follow_the_schedule_and_are_never_compared() -> None:
     model = StandIn(mesh_mm=3.0)
     options = WornOptions(
         levels=((6, 2), (10, 2)), trust=0.3, barrier_mm2=1e-12, smoothness_mm2=0.0,
-        converged_mm=0.0,
+        worth=0.0,
     )  # fmt: skip
     found = design_worn(model, start(), options=options)
     meshes = [one.elements for one in found.iterations]
