@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 
 from kiribench.report.figures.cv_calibration import calibration_figure
 from kiribench.report.figures.cv_learning import learning_figure
 from kiribench.report.figures.cv_parity import ParityPanel, parity_figure
 from kiribench.report.figures.cv_residuals import residual_figure
+from kiribench.report.figures.cv_style import marks_of
 from kiribench.report.figures.cv_time import time_figure
 from kiribench.report.html import Html, bullets, paragraphs, table, tag
 from kiribench.report.svg import figure_block
 from kiribench.validation.checks import CheckResult
 from kiribench.validation.export import leakage, model_info
 from kiribench.validation.protocols import HEADLINE, protocol
+from kiribench.validation.ranking import Place
 from kiribench.validation.run import CvResult
-from kiribench.validation.summary import Summary
+from kiribench.validation.summary import Score, Summary
 from kiribench.validation.table1 import PAPER_R2, STAND_INS, TableOne
 
 ABSENT = "–"
@@ -44,13 +48,12 @@ def ranking_section(result: CvResult) -> Html | None:
     rows = []
     for name, one in headline(result).items():
         place = words.get(name)
-        compared = place.comparison if place is not None else None
         s = one.scores
         rows.append(
             (
                 name,
                 shown(s["r2"].pooled, ".5f"),
-                f"{shown(s['rmse'].mean, '.3g')} ± {shown(s['rmse'].sd, '.2g')}",
+                _mean_and_sd(s["rmse"], ".3g"),
                 shown(s["rmse_over_mesh_error"].pooled, ".2f"),
                 shown(s["max_error"].pooled, ".3g"),
                 shown(s["crps"].pooled, ".3g"),
@@ -59,9 +62,7 @@ def ranking_section(result: CvResult) -> Html | None:
                     None if s["coverage95"].pooled is None else 100 * s["coverage95"].pooled, ".1f"
                 ),
                 shown(gaps[name]["rmse_ratio"], ".2f") if name in gaps else ABSENT,
-                place.words if place is not None else ranking.unranked.get(name, ""),
-                shown(place.p_adjusted if place is not None else None, ".2g"),
-                shown(None if compared is None else compared.p_equivalent, ".2g"),
+                ranking.unranked.get(name, "") if place is None else _against(place, ranking.best),
             )
         )
     return tag(
@@ -69,16 +70,24 @@ def ranking_section(result: CvResult) -> Html | None:
         tag("h2", f"Ranking: new {result.table.group_word}s"),
         table(
             ("Model", "R2", "RMSE, mean ± sd", "/ mesh error", "Max error", "CRPS", "NLPD",
-             "95 % covers, %", "RMSE / shuffled", "Against the best", "p", "P(equal)"),
+             "95 % covers, %", "RMSE / shuffled", "Against the best"),
             rows,
             caption=f"Grouped folds, refitted; {ranking.folds} folds that all models have. p: "
             "corrected resampled t-test (Nadeau and Bengio 2003), Holm-adjusted; P(equal): "
             f"probability that the RMSE differs by less than {ranking.rope:.2g}. RMSE / shuffled: "
-            "how much the error of new designs exceeds that of shuffled rows.",
-            numeric=(1, 2, 3, 4, 5, 6, 7, 8, 10, 11),
+            f"how much the error of new {result.table.group_word}s exceeds that of shuffled rows.",
+            numeric=(1, 2, 3, 4, 5, 6, 7, 8),
         ),
         id="ranking",
     )  # fmt: skip
+
+
+def _against(place: Place, best: str | None) -> str:
+    words = place.words.removesuffix(f" than {best}")
+    if place.comparison is None:
+        return words
+    chance = shown(place.comparison.p_equivalent, ".2g")
+    return f"{words}; p {shown(place.p_adjusted, '.2g')}, P(equal) {chance}"
 
 
 def table_one_section(result: CvResult, found: TableOne | None) -> Html | None:
@@ -113,11 +122,12 @@ def table_one_section(result: CvResult, found: TableOne | None) -> Html | None:
             "here: R2 within one design divides by next to nothing.",
             numeric=tuple(range(2, 3 + len(names))),
         ),
-        paragraphs(found.sentences),
-        tag("p", "Guessed: ", bullets([
+        paragraphs([re.sub(r"(?<![\w:])-(?=\d)", "−", words) for words in found.sentences]),
+        tag("p", "Guessed:"),
+        bullets([
             f"{name}: {model_info(name)['guessed']}"
             for name in result.settings.models if model_info(name)["guessed"]
-        ])),
+        ]),
         id="table1",
     )  # fmt: skip
 
@@ -132,7 +142,7 @@ def protocols_section(result: CvResult) -> Html:
         blocks.append(
             tag(
                 "p",
-                f"{row.question} {len(folds)} folds."
+                f"{row.question} {len(folds)} fold{'s' if len(folds) != 1 else ''}."
                 + (" Rows of one group may be on both sides: no headline." if row.leaky else ""),
             )
         )
@@ -141,7 +151,7 @@ def protocols_section(result: CvResult) -> Html:
                 ("Model", "R2 pooled", "R2 mean ± sd", "RMSE pooled", "RMSE mean ± sd",
                  "Max error", "95 % covers, %", "Fit s", "How"),
                 [_protocol_row(model, one) for model, one in models.items()],
-                caption=f"{row.title}.",
+                caption="Pooled: all test rows together; mean ± sd: over the folds; fit: one fold.",
                 numeric=(1, 2, 3, 4, 5, 6, 7),
             )
         )  # fmt: skip
@@ -162,14 +172,20 @@ def _protocol_row(model: str, one: Summary) -> tuple[object, ...]:
     return (
         model,
         shown(s["r2"].pooled, ".5f"),
-        f"{shown(s['r2'].mean, '.4f')} ± {shown(s['r2'].sd, '.2g')}",
+        _mean_and_sd(s["r2"], ".4f"),
         shown(s["rmse"].pooled, ".3g"),
-        f"{shown(s['rmse'].mean, '.3g')} ± {shown(s['rmse'].sd, '.2g')}",
+        _mean_and_sd(s["rmse"], ".3g"),
         shown(s["max_error"].pooled, ".3g"),
         shown(None if coverage is None else 100 * coverage, ".1f"),
         shown(s["fit_s"].mean, ".3g"),
         how,
     )
+
+
+def _mean_and_sd(score: Score, form: str) -> str:
+    """One fold has no spread."""
+    spread = "" if score.sd is None else f" ± {shown(score.sd, '.2g')}"
+    return shown(score.mean, form) + spread
 
 
 def residuals_section(result: CvResult) -> Html | None:
@@ -224,7 +240,10 @@ def calibration_section(result: CvResult) -> Html | None:
         tag("h2", "Calibration"),
         figure_block(
             calibration_figure(
-                curves, name="calibration", alt="Stated against found coverage by model."
+                curves,
+                marks=marks_of(result.settings.models),
+                name="calibration",
+                alt="Stated against found coverage by model.",
             ),
             "Grouped folds, refitted, pooled. On the diagonal an interval covers as many rows "
             "as it says; below it the model is too sure, above it too cautious.",
@@ -256,6 +275,7 @@ def learning_section(result: CvResult) -> Html | None:
         figure_block(
             learning_figure(
                 curves,
+                marks=marks_of(result.settings.models),
                 groups=word,
                 unit=result.table.mesh_error_rms,
                 name="learning",
@@ -286,6 +306,7 @@ def time_section(result: CvResult) -> Html | None:
         figure_block(
             time_figure(
                 points,
+                marks=marks_of(result.settings.models),
                 unit=result.table.mesh_error_rms,
                 name="time",
                 alt="Seconds of a fit against RMSE by model.",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from kiribench.report.figures.cv_style import mark_of, plain
+from kiribench.report.figures.cv_style import Marks, plain
 from kiribench.report.html import Html
 from kiribench.report.palette import INK
 from kiribench.report.svg import canvas, drawing, inline_svg
@@ -13,12 +13,13 @@ WIDTH, HEIGHT = 560.0, 340.0
 
 
 def calibration_figure(
-    curves: Mapping[str, Sequence[tuple[float, float]]], *, name: str, alt: str
+    curves: Mapping[str, Sequence[tuple[float, float]]], *, marks: Marks, name: str, alt: str
 ) -> Html:
     """One line a model; below the diagonal a model is too sure of itself.
 
     Args:
         curves: (stated, found) coverage by model.
+        marks: of the models.
         name, alt: see :func:`kiribench.report.svg.inline_svg`.
     """
     with drawing():
@@ -26,8 +27,8 @@ def calibration_figure(
         axes = figure.add_axes((54 / WIDTH, 44 / HEIGHT, 280 / WIDTH, 280 / HEIGHT))
         plain(axes)
         axes.plot((0, 1), (0, 1), color=INK, linewidth=0.8)
-        for index, (model, curve) in enumerate(curves.items()):
-            colour, shape = mark_of(index)
+        for model, curve in curves.items():
+            colour, shape = marks[model]
             stated, found = zip(*curve, strict=True)
             axes.plot(
                 stated,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -10,7 +12,11 @@ from kiribench.report.html import Html
 from kiribench.report.palette import ACCENT, QUIET, SEQUENTIAL
 from kiribench.report.svg import canvas, drawing, inline_svg
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
 FloatArray = NDArray[np.float64]
+SPARSE = 4  # more places of the lattice than that for each design: no lattice
 WIDTH, HEIGHT = 780.0, 320.0
 
 
@@ -37,10 +43,7 @@ def residual_figure(
         figure = canvas(WIDTH, HEIGHT)
         left = figure.add_axes((50 / WIDTH, 46 / HEIGHT, 250 / WIDTH, 250 / HEIGHT))
         plain(left)
-        drawn = left.scatter(
-            cuts[:, 0], cuts[:, 1], c=rms, cmap=scale, norm=LogNorm(low, high), marker="s",
-            s=7200 / max(10.0, len(np.unique(cuts[:, 0]))) ** 1.4, linewidths=0,
-        )  # fmt: skip
+        drawn = _map(left, cuts, rms, cmap=scale, norm=LogNorm(low, high))
         left.set_xlabel("a, %")
         left.set_ylabel("b, %")
         left.set_title("rms residual of each design", fontsize=10, loc="left", pad=5)
@@ -58,3 +61,20 @@ def residual_figure(
         right.set_xlabel("longitudinal strain")
         right.set_title("predicted minus simulated", fontsize=10, loc="left", pad=5)
         return inline_svg(figure, name, alt)
+
+
+def _map(axes: Axes, cuts: FloatArray, rms: FloatArray, **colours: Any) -> Any:
+    """A tile a design, bounded half-way to the next levels; dots where designs are no lattice."""
+    (a, in_a), (b, in_b) = (np.unique(cuts[:, c], return_inverse=True) for c in (0, 1))
+    if len(a) * len(b) > SPARSE * len(cuts):
+        return axes.scatter(cuts[:, 0], cuts[:, 1], c=rms, s=12, linewidths=0, **colours)
+    tiles = np.full((len(b), len(a)), np.nan)
+    tiles[in_b.ravel(), in_a.ravel()] = rms
+    return axes.pcolormesh(_bounds(a), _bounds(b), tiles, **colours)
+
+
+def _bounds(levels: FloatArray) -> FloatArray:
+    if len(levels) == 1:
+        return np.array([levels[0] - 1.0, levels[0] + 1.0])
+    half = 0.5 * np.diff(levels)
+    return np.concatenate([[levels[0] - half[0]], levels[:-1] + half, [levels[-1] + half[-1]]])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from kiribench.report.palette import LINE, QUIET
@@ -11,12 +12,18 @@ if TYPE_CHECKING:
     from matplotlib.axis import Axis
 
 COLOURS = ("#1f5f8b", "#c4500b", "#3b7a3b", "#7a4a9e", "#a33a20", "#008080", "#8a6d00", "#444f58")
+Marks = Mapping[str, tuple[str, str]]
 SHAPES = ("o", "s", "^", "D", "v", "P", "X")
 
 
 def mark_of(index: int) -> tuple[str, str]:
     """Colour and shape of the model with this place in the list; no two of 56 are alike."""
     return COLOURS[index % len(COLOURS)], SHAPES[index % len(SHAPES)]
+
+
+def marks_of(models: Sequence[str]) -> Marks:
+    """The mark of each model, the same in every figure that is given the same list."""
+    return {model: mark_of(index) for index, model in enumerate(models)}
 
 
 def plain(axes: Axes) -> None:

@@ -4,22 +4,28 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from kiribench.report.figures.cv_style import mark_of, plain, plain_numbers
+from kiribench.report.figures.cv_style import Marks, plain, plain_numbers
 from kiribench.report.html import Html
-from kiribench.report.palette import PATCH
+from kiribench.report.palette import INK
 from kiribench.report.svg import canvas, drawing, inline_svg
 
 WIDTH, HEIGHT = 640.0, 340.0
 
 
 def time_figure(
-    models: Mapping[str, tuple[float, float]], *, unit: float | None, name: str, alt: str
+    models: Mapping[str, tuple[float, float]],
+    *,
+    marks: Marks,
+    unit: float | None,
+    name: str,
+    alt: str,
 ) -> Html:
     """One mark a model on logarithmic axes; lower left is better.
 
     Args:
         models: (seconds of a fit, RMSE) by model, both positive.
         unit: the table's mesh error, a dashed line, if there is one.
+        marks: of the models.
         name, alt: see :func:`kiribench.report.svg.inline_svg`.
     """
     with drawing():
@@ -30,13 +36,11 @@ def time_figure(
         axes.set_yscale("log")
         plain_numbers(axes.xaxis)
         plain_numbers(axes.yaxis)
-        for index, (model, (seconds, error)) in enumerate(models.items()):
-            colour, shape = mark_of(index)
+        for model, (seconds, error) in models.items():
+            colour, shape = marks[model]
             axes.scatter([seconds], [error], color=colour, marker=shape, s=36, label=model)
         if unit is not None:
-            axes.axhline(
-                unit, color=PATCH, linewidth=1.0, linestyle=(0, (4, 2)), label="mesh error"
-            )
+            axes.axhline(unit, color=INK, linewidth=1.0, linestyle=(0, (4, 2)), label="mesh error")
         axes.set_xlabel("seconds to fit one fold")
         axes.set_ylabel("RMSE under the headline protocol")
         axes.legend(loc="upper left", bbox_to_anchor=(1.02, 1.02), frameon=False, fontsize=9)
