@@ -41,6 +41,7 @@ def job_sheet(
     """
     design = plan.design
     rows, columns = design.shape
+    lateral = "right" if plan.mirrored else "left"
     who = f"sub-{design.participant}" if design.participant else "a design without a subject"
     body = tag(
         "main",
@@ -51,7 +52,7 @@ def job_sheet(
             f"{rows} × {columns} cells of {design.cell_mm:g} mm, method {design.method}, sheet "
             f"{design.thickness_mm:g} mm thick, {len(plan.slits)} slits "
             f"({int(plan.slits.notch.sum())} of them notches), for {profile.title}. The drawing "
-            f"shows the outer face: lateral is on the {'right' if plan.mirrored else 'left'}, proximal on top.",
+            f"shows the outer face: lateral on the {lateral}, proximal on top.",
         ),
         _verdict(export, limits, kerf_known),
         _warnings([*warnings, *[f for f in export.faults if f.severity == "warning"]]),
