@@ -394,6 +394,14 @@ can be met together: (.01 / .5)^2 of differences of up to .8, times a slope of 1
 BALANCED_FORCE = 5e-3
 """Of ln force: the same with force_sd .05."""
 
+BALANCED_SUM = 1e-5
+"""Relative: Newton's method ends where a step promises 1e-8 of the sum; least squares of others end
+at changes of 1e-8 of theirs, after hundreds of small steps."""
+
+STRAIN_TABLE = 2e-3
+"""Fraction of the range: cubic splines with 61 nodes an axis. The stand-in's process is rougher than
+those of the shipped tables (1e-4 at most there)."""
+
 # --- designs checked as worn ---
 
 SAME_ROUTE = 2e-3

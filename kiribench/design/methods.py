@@ -156,6 +156,12 @@ def _balanced(cells: Cells) -> Designed:
     known = np.isfinite(uneven)
     rms = float(np.sqrt(np.mean(uneven[known] ** 2))) if known.any() else 0.0
     options = cells.options
+    notes = [f"Cells in series carry the same force to {100 * rms:.1f} % rms."]
+    if not found.converged:
+        notes.append(
+            f"The search did not come to rest in {found.steps} steps: targets, forces and "
+            "neighbours may go together better than here."
+        )
     return designed(
         "balanced",
         cells,
@@ -165,14 +171,18 @@ def _balanced(cells: Cells) -> Designed:
             "PoissonSd": options.poisson_sd,
             "ForceSd": options.force_sd,
             "NeighbourSd": options.neighbour_sd,
-            "ColumnStressMpa": np.exp(found.log_force).tolist(),
+            "ColumnStressMpa": [
+                float(np.exp(force)) if np.isfinite(force) else None for force in found.log_force
+            ],
             "ForceDifferenceRms": rms,
-            "Iterations": len(found.objective) - 1,
-            "Objective": found.objective[-1],
+            "Iterations": found.steps,
+            "CellsMoved": found.moved,
+            "Converged": found.converged,
+            "Objective": found.objective,
         },
         curves=_curves(cells),
         cpu_seconds=seconds,
-        notes=(f"Cells in series carry the same force to {100 * rms:.1f} % rms.",),
+        notes=tuple(notes),
     )
 
 
