@@ -12,7 +12,8 @@ from kiribench.conformability.result import DEFINITIONS
 from kiribench.fem.loadpath import OVERLAP_FLAG_MM
 from kiribench.fem.wear_contact import weight_mpa
 from kiribench.fem.wear_measures import BREAKING_STRESS_MPA, BREAKING_STRETCH, TIP_DISTANCE_MM
-from kiribench.reference.check import CheckedDesign, FlatGround
+from kiribench.reference.check import CheckedDesign
+from kiribench.reference.ground import FlatGround
 
 FloatArray = NDArray[np.float64]
 
@@ -110,6 +111,12 @@ def check_object(checked: CheckedDesign) -> dict[str, Any]:
         "friction": "stick"
         if np.isinf(checked.options.spec.friction)
         else checked.options.spec.friction,
+        "straps": checked.options.spec.straps,
+        "pose": {
+            "offset_mm": list(checked.options.spec.offset_mm),
+            "turn_deg": checked.options.spec.turn_deg,
+            "strap_slip_mm": checked.options.spec.strap_slip_mm,
+        },
         "elements_per_facet": checked.options.elements,
         "mesh": {
             "coarser_elements_per_facet": None
@@ -143,6 +150,18 @@ def check_object(checked: CheckedDesign) -> dict[str, Any]:
         "cells_below_good": causes_of(checked),
         "table": check_rows(checked),
     }
+
+
+def pose_words(checked: CheckedDesign) -> str | None:
+    """How the patch was put on where that is not in its place; None where it is."""
+    spec = checked.options.spec
+    medially, distally = spec.offset_mm
+    if not any((medially, distally, spec.turn_deg, spec.strap_slip_mm)):
+        return None
+    return (
+        f"Put on {medially:+g} mm medially and {distally:+g} mm distally of its place, turned by "
+        f"{spec.turn_deg:g} degrees, the distal strap slipped by {spec.strap_slip_mm:g} mm."
+    )
 
 
 def contact_object(checked: CheckedDesign) -> dict[str, float]:
@@ -254,6 +273,8 @@ def check_text(checked: CheckedDesign) -> str:
         f"Design '{checked.design.method}' {where}, friction {content['friction']}, "
         f"{content['elements_per_facet']} elements a facet edge:"
     ]
+    pose = pose_words(checked)
+    lines += [f"  {pose}"] if pose else []
     if isinstance(ground, FlatGround) and ground.flat is not None:
         lines.append(
             f"  The skin does not lie flat: its edges change by {ground.flat.strain_rms:.1%} (rms)."

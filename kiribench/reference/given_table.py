@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -208,3 +209,29 @@ def compare_table(checked: CheckedDesign, given: GivenTable) -> TableComparison:
     if given.shear is not None:
         differences["shear"] = worn.shear - given.shear
     return TableComparison(given, measure, differences, None)
+
+
+def comparison_object(comparison: TableComparison) -> dict[str, Any]:
+    """The JSON object of a comparison."""
+    content: dict[str, Any] = {
+        "file": comparison.given.file.name,
+        "kind": comparison.given.kind,
+        "strain_measure": comparison.measure,
+        "simulated_minus_given": comparison.summary(),
+    }
+    if comparison.overlap is not None:
+        known = comparison.overlap[np.isfinite(comparison.overlap)]
+        content["given_mean_overlap"] = float(known.mean()) if known.size else None
+    return content
+
+
+def comparison_text(comparison: TableComparison) -> str:
+    """The same for a person."""
+    lines = [f"  Simulated minus {comparison.given.file.name} ({comparison.given.kind}):"]
+    for name, one in comparison.summary().items():
+        words = name.replace("_", " ").replace("corner mm", "distance of corners, mm")
+        lines.append(
+            f"    {words:<26} rms {one['rms']:.4f}   largest {one['largest']:.4f}   "
+            f"({one['count']})"
+        )
+    return "\n".join(lines)

@@ -11,7 +11,8 @@ from kiribench.conformability.result import FAIR_FROM, GOOD_FROM
 from kiribench.design.limits import Limits
 from kiribench.errors import NotConvergedError
 from kiribench.fem.material import Material
-from kiribench.reference.check import CheckedDesign, CheckOptions, Ground, check_design, put_on
+from kiribench.reference.check import CheckedDesign, CheckOptions, check_design, put_on
+from kiribench.reference.ground import Ground
 from kiribench.schema.patch_design import PatchDesign
 
 #: Uniform sheets that are tried, a = b.

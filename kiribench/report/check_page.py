@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from kiribench.reference.check import CheckedDesign
-from kiribench.reference.export import rest_object, rest_words
+from kiribench.reference.export import pose_words, rest_object, rest_words
 from kiribench.reference.placement import Placement
-from kiribench.report.check_words import DRAWN_NOTE, PREDICTED_NOTE, check_verdict
+from kiribench.report.check_words import PREDICTED_NOTE, check_verdict
 from kiribench.report.html import Html, bullets, tag, text
 from kiribench.report.page import document
 from kiribench.report.sections import checked_body, checked_cells, checked_placement
@@ -23,7 +23,7 @@ def write_check_page(
     tolerances: Sequence[Placement | None],
     *,
     synthetic: bool = False,
-    drawn: bool = False,
+    note: str | None = None,
 ) -> Path:
     """Write the page.
 
@@ -32,13 +32,13 @@ def write_check_page(
         checked: designs of one patch on one ground; the first is shown in full.
         tolerances: one a design, or None.
         synthetic: the skin is computed, and the page says so first.
-        drawn: it has a worn scan whose misfit was drawn; the page says why none is compared.
+        note: what is said of the subject's worn scan, if there is one.
 
     Returns:
         ``path``.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
-    page = check_page(checked, tolerances, synthetic=synthetic, drawn=drawn)
+    page = check_page(checked, tolerances, synthetic=synthetic, note=note)
     path.write_text(page, encoding="utf-8", newline="\n")
     return path
 
@@ -48,7 +48,7 @@ def check_page(
     tolerances: Sequence[Placement | None],
     *,
     synthetic: bool = False,
-    drawn: bool = False,
+    note: str | None = None,
 ) -> str:
     """The whole HTML document; the same designs give the same text."""
     first = checked[0]
@@ -60,7 +60,8 @@ def check_page(
         checked_cells.errors(first),
         checked_placement.placement(checked, tolerances),
         checked_placement.course(checked),
-        _record(first, drawn),
+        _beside(note),
+        _record(first),
     ]
     body = text([_head(checked, synthetic), tag("main", [one for one in sections if one])])
     who = first.design.participant or "a patch"
@@ -85,8 +86,14 @@ def _head(checked: Sequence[CheckedDesign], synthetic: bool) -> Html:
     )
 
 
-def _record(first: CheckedDesign, drawn: bool) -> Html:
-    options, rest = first.options, rest_object(first)
+def _beside(note: str | None) -> Html | None:
+    if note is None:
+        return None
+    return tag("section", tag("h2", "Predicted and worn"), tag("p", note), id="worn-scan")
+
+
+def _record(first: CheckedDesign) -> Html:
+    options, rest, pose = first.options, rest_object(first), pose_words(first)
     friction = "full stick" if np.isinf(options.spec.friction) else f"{options.spec.friction:g}"
     return tag(
         "section",
@@ -106,8 +113,8 @@ def _record(first: CheckedDesign, drawn: bool) -> Html:
                 "computed on the bare scan. Intervals hold the uncertainty of the skin's nodes.",
                 "Not in it: bending, contact of the cut faces, thickness, viscosity, a skin that "
                 "gives way, and everything that a person does while putting it on.",
+                *([] if pose is None else [pose]),
                 *([] if rest is None else [rest_words(rest)]),
-                *([DRAWN_NOTE] if drawn else []),
             ]
         ),
         id="record",

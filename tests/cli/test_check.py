@@ -93,6 +93,28 @@ def test_flat_and_sticking(design: Path, run: Any) -> None:
     assert stuck["errors"]["longitudinal_strain_largest"] < 0.02
 
 
+def test_put_on_wrongly_with_friction_and_hoops(design: Path, run: Any) -> None:
+    def mean(*tokens: object) -> float:
+        exit_code, out, _ = run(design, "--subject", elbow_root(), *QUICK, "--json", *tokens)
+        assert exit_code == 0
+        return float(json.loads(out)["designs"][0]["share"]["iou"]["mean"])
+
+    free, held, stuck = (
+        mean("--friction", friction) for friction in ("0", "0.4", "stick")
+    )  # fmt: skip
+    # Friction holds corners between the two (see the worn model's tests), not overlaps.
+    assert held != pytest.approx(free, abs=1e-4)
+    assert max(free, held) < 0.99 < stuck
+    # Stuck 2 mm off its place a patch covers four fifths of its cells of 10 mm: their union is
+    # larger by as much.
+    off = mean("--friction", "stick", "--offset-mm", "0", "2")
+    assert off == pytest.approx(8 / 12, abs=0.01)
+    assert mean("--strap-slip-mm", "4") != pytest.approx(free, abs=1e-3)
+    assert mean("--straps", "hoops") != pytest.approx(free, abs=1e-4)
+    _, out, _ = run(design, "--subject", elbow_root(), *QUICK, "--turn-deg", "3")
+    assert "turned by 3 degrees" in out
+
+
 def test_a_pull_is_compared_with_a_table(design: Path, run: Any, tmp_path: Path) -> None:
     table = tmp_path / "other.tsv"
     rows = [f"{r}\t{c}\t1.2\t1.0" for r, c in np.ndindex(6, 4)]
@@ -120,6 +142,9 @@ def test_wrong_calls(design: Path, run: Any, tmp_path: Path) -> None:
         ((design, "--friction", "-1"), "friction-range", 2),
         ((design, "--friction", "inf"), "friction-range", 2),
         ((design, "--share", "0"), "share-range", 2),
+        ((design, "--offset-mm", "0", "nan"), "offset-mm-range", 2),
+        ((design, "--turn-deg", "90"), "turn-deg-range", 2),
+        ((design, "--strap-slip-mm", "-200"), "strap-slip-mm-range", 2),
         ((design, "--surface", "flat", "--pull", "9"), "pull-range", 2),
         ((design, "--subject", elbow_root(), "--elements-per-facet", "7"), "wear-mesh", 3),
         ((tmp_path / "none.tsv",), "design-missing", 3),

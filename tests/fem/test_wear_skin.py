@@ -9,7 +9,7 @@ from tolerances import ANGLE_DEFECT, REST_SPHERE_MM
 
 from kiribench.errors import NodesError
 from kiribench.fem.surface_map import Cylinder, NodeSpline, Plane
-from kiribench.fem.wear import WearSpec, wear_patch
+from kiribench.fem.wear import WearSpec, solve_worn, wear_patch
 from kiribench.fem.wear_friction import skin_path
 from kiribench.fem.wear_rest import rest_map, rest_of_skin
 from kiribench.fem.wear_skin import fill_nodes, flatness
@@ -120,6 +120,36 @@ def test_the_way_of_the_skin_is_isometric_where_the_pose_only_bends() -> None:
         np.linalg.norm(pose.reshape(-1, 3)[:, None] - pose.reshape(-1, 3)[None], axis=2),
         atol=1e-9,
     )
+
+
+def test_friction_holds_every_node_within_coulombs_cone() -> None:
+    cut_map = CutMap.uniform(0.6, 0.6, 3, 2, PITCH)
+    rest = _nodes_of(Cylinder(30.0), 6, 6)
+    path = skin_path(rest, _nodes_of(Cylinder(30.0, 1.1, 1.3), 6, 6), PITCH, steps=4)
+    origin, friction = (15.0, 10.0), 0.3
+    energy = {}
+    for mu in (0.0, friction, np.inf):
+        spec = WearSpec(6, friction=mu)
+        solution = solve_worn(cut_map, path[-1], origin, spec, None, None, path)
+        energy[mu] = solution.equilibrium.energy
+        if mu == friction:
+            dragged = solution
+    # Sliding freely is the least energy, sticking gives none of it away.
+    assert energy[0.0] < energy[friction] < energy[np.inf]
+    system, found = dragged.system, dragged.equilibrium
+    jet = system.jet(found.q)
+    normal = jet.normal(path[-1].outward)
+    pressed = np.einsum("na,na->n", found.force, normal)
+    tangential = np.linalg.norm(found.force - pressed[:, None] * normal, axis=1)
+    free = ~system.fixed.any(axis=1)
+    carried = free & (pressed > 0.02 * pressed[free].max())
+    assert carried.sum() > 50
+    # The normal force is that of the round before: it has settled to a few per cent.
+    ratio = tangential[carried] / (friction * pressed[carried])
+    assert ratio.max() < 1.05
+    assert np.median(ratio) > 0.8
+    # Nothing drags where nothing presses.
+    assert tangential[free & (pressed < 0)].max(initial=0) < 0.02 * tangential[carried].max()
 
 
 def test_friction_lies_between_sliding_and_sticking() -> None:

@@ -110,13 +110,17 @@ def test_predicted_and_worn_agree_where_the_worn_patch_is_a_solution(
 
     quick = ("--samples", "100")
     worn = said("conform", root, *quick)["participants"][0]
-    predicted = said(
-        "check", table, "--subject", root, "--no-uniform", "--no-placement", *quick
-    )["designs"][0]  # fmt: skip
+    checked = said("check", table, "--subject", root, "--no-uniform", "--no-placement", *quick)
+    predicted = checked["designs"][0]
     # The design is a mixed one: a constant answer could not agree.
     assert 0.3 < worn["satisfactory"] < 0.95
     assert worn["good"] > 0
     assert abs(predicted["satisfactory"] - worn["satisfactory"]) <= CREDIBLE_RATIO
+    # The report says so.
+    beside = checked["against_worn"]
+    assert beside["worn_satisfactory"] == worn["satisfactory"]
+    assert abs(beside["designs"][0]["points"]) <= 100 * CREDIBLE_RATIO
+    assert "(within 5)" in checked["worn_scan"]
     for name in ("overlap_paper", "overlap_strict", "overlap_iou"):
         ours, theirs = ([cell[name] for cell in one["table"]] for one in (predicted, worn))
         np.testing.assert_allclose(ours, theirs, atol=CREDIBLE_OVERLAP)

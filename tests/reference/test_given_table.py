@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from kiribench.errors import TableError
-from kiribench.reference.check import CheckOptions, FlatGround, check_design
+from kiribench.reference.check import CheckOptions, check_design
 from kiribench.reference.given_table import compare_table, read_given
+from kiribench.reference.ground import FlatGround
 from kiribench.schema.patch_design import PatchDesign
 
 SHAPE = (3, 3)

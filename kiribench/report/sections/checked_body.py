@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kiribench.lattice import CutMap
-from kiribench.reference.check import CheckedDesign, KneeGround
+from kiribench.reference.check import CheckedDesign
+from kiribench.reference.ground import KneeGround
 from kiribench.report.figures.surface_view import surface_view
 from kiribench.report.html import Html, tag
 from kiribench.report.sections.space import LIFT_MM, PICTURE_FACES, lifted

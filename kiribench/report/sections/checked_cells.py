@@ -7,8 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from kiribench.conformability.result import DEFINITIONS
-from kiribench.reference.check import CheckedDesign, FlatGround
+from kiribench.reference.check import CheckedDesign
 from kiribench.reference.export import check_object, contact_words, overlap_flag, tip_words
+from kiribench.reference.ground import FlatGround
 from kiribench.report.figures.definitions import definition_map
 from kiribench.report.figures.grades import grade_map
 from kiribench.report.figures.heatmap import heatmap, scale_limit
