@@ -28,6 +28,7 @@ from kiribench.surrogate.kernel_form import (
 )
 from kiribench.surrogate.learning import Problem, learn, scaled_axes, tensor
 from kiribench.surrogate.likelihood import GAIN
+from kiribench.surrogate.strain_path import Path, along, strain_path
 
 FloatArray = NDArray[np.float64]
 Structure = Literal["grid", "resampled", "dense"]
@@ -71,6 +72,9 @@ class ExactGP(RegressorMixin, BaseEstimator):  # type: ignore[misc]
     def _calibrated(self) -> bool:
         return False
 
+    def _follows_paths(self) -> bool:
+        return False
+
     def _gain(self) -> float:
         return GAIN
 
@@ -97,32 +101,43 @@ class ExactGP(RegressorMixin, BaseEstimator):  # type: ignore[misc]
         place = device_of(self.device)
         self.rows_ = len(y_)
         with torch_threads(self.threads):
-            grid = self._grid_of(X_, y_)
+            kept = given if not self.optimise else None
+            path = self._path_of(X_, y_) if kept is None else kept.path
+            straight = X_
+            if kept is not None:
+                straight = kept.along_path(X_)
+            elif path:
+                designs = (X_[:, :-1] - X_[:, :-1].min(axis=0)) / np.ptp(X_[:, :-1], axis=0)
+                straight = np.column_stack([X_[:, :-1], along(path, designs, X_[:, -1])])
+            grid = self._grid_of(straight, y_)
             self.structure_: Structure = (
                 "dense" if grid is None else "resampled" if grid.resampled else "grid"
             )
             self.resampling_rms_ = 0.0 if grid is None else grid.resampling_rms
-            if given is not None and not self.optimise:
+            if kept is not None:
                 self.evaluations_ = 0
-                self._become(given, X_, y_, grid, place)
+                self._become(kept, X_, y_, grid, place)
             else:
-                self._choose(X_, y_, grid, given, place)
+                self._choose(X_, straight, y_, grid, given, path, place)
         return self
 
     def _choose(
         self,
         X: FloatArray,
+        straight: FloatArray,
         y: FloatArray,
         grid: DesignGrid | None,
         given: Hyperparameters | None,
+        path: Path,
         place: torch.device,
     ) -> None:
         """Learn each kernel, and keep the one that predicts left-out designs of ``X`` best."""
         problem = Problem.of(
-            X,
+            straight,
             y,
             grid,
             scaling=self._scaling(),
+            path=path,
             place=place,
             seed=self.random_state,
             max_evaluations=self.max_evaluations,
@@ -185,6 +200,15 @@ class ExactGP(RegressorMixin, BaseEstimator):  # type: ignore[misc]
         with torch_threads(self.threads):
             self._become(learnt, X, y, None, device_of(self.device))
         return self
+
+    def _path_of(self, X: FloatArray, y: FloatArray) -> Path:
+        """The paths of curves that end at strains of their own; nothing for other rows."""
+        if not self._follows_paths() or X.shape[1] != 3 or self.resampling != "auto":
+            return ()
+        grid = find_grid(X, y)
+        if (grid is not None and len(grid.missing) <= self.max_missing) or not are_curves(X):
+            return ()
+        return strain_path(X)
 
     def _grid_of(self, X: FloatArray, y: FloatArray) -> DesignGrid | None:
         """The rows as a grid where they are one, or may be made one; else ``None``."""

@@ -15,8 +15,10 @@ class KroneckerGP(ExactGP):
 
     On a designs x strains grid of p x m rows a likelihood with its gradient costs
     p^3 + m^3. Removing whole designs leaves a grid, so folds grouped by design stay exact.
-    Curves with strains of their own are resampled (:mod:`kiribench.surrogate.grid`), other
-    rows take a dense covariance up to ``max_dense_rows``.
+    Curves with strains of their own are resampled (:mod:`kiribench.surrogate.grid`), at common
+    fractions of their paths where these are smooth functions of the cut lengths
+    (:mod:`kiribench.surrogate.strain_path`); other rows take a dense covariance up to
+    ``max_dense_rows``.
 
     Two design inputs get a third coordinate, the angle about a corner
     (:class:`kiribench.surrogate.kernel_form.KernelForm`): a stationary kernel over (a, b)
@@ -31,6 +33,7 @@ class KroneckerGP(ExactGP):
         corner: use the angle (where there are two design inputs).
         curve_noise: learn an error that a design's rows have in common.
         warp: ``"auto"`` decides as said; ``"always"`` and ``"never"``.
+        path: use the strain along the path where curves end at strains of their own.
         calibrate: set the factor.
         noise_floor: least noise variance over signal variance.
         hyperparameters: where to start the search, or with ``optimise=False`` what to use.
@@ -52,6 +55,7 @@ class KroneckerGP(ExactGP):
         corner: bool = True,
         curve_noise: bool = True,
         warp: str = "auto",
+        path: bool = True,
         calibrate: bool = True,
         noise_floor: float = 1e-6,
         hyperparameters: Hyperparameters | None = None,
@@ -69,6 +73,7 @@ class KroneckerGP(ExactGP):
         self.corner = corner
         self.curve_noise = curve_noise
         self.warp = warp
+        self.path = path
         self.calibrate = calibrate
         self.noise_floor = noise_floor
         self.hyperparameters = hyperparameters
@@ -105,6 +110,9 @@ class KroneckerGP(ExactGP):
 
     def _calibrated(self) -> bool:
         return self.calibrate
+
+    def _follows_paths(self) -> bool:
+        return self.path
 
     def _gain(self) -> float:
         # Of the log likelihood, a step: left-out designs see no difference to a finer search.

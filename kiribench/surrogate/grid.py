@@ -18,6 +18,7 @@ from scipy.interpolate import CubicSpline
 FloatArray = NDArray[np.float64]
 MIN_CURVE = 8  # a spline through fewer points is no resampling worth the name
 MIN_DESIGNS = 4
+_END_SLACK = 0.3  # of a step: ends so close together may be cut to what all curves reach
 _SNAP = 1e-9  # strains closer than this fraction of the range are one grid strain
 
 
@@ -153,9 +154,10 @@ def resample(X: FloatArray, y: FloatArray, *, curve: FloatArray | None = None) -
 def common_strains(strain: FloatArray, row_design: NDArray[np.int64]) -> FloatArray:
     """Strains that suit all curves: the medians, step by step, within what most designs reach.
 
-    The ends are the 90 % quantile of the curves' first and the 10 % quantile of their last
-    strains of the full-length curves, so that at most a tenth of the designs leaves an
-    entry unobserved at an end, and no more than a step of any curve is cut off.
+    The ends are those that all full-length curves reach, where that costs no curve more than a
+    part of a step. Else they are the 90 % quantile of the first and the 10 % quantile of the last
+    strains of the full-length curves, so that at most a tenth of the designs leaves an entry
+    unobserved at an end.
 
     Args:
         strain: (n,) of all rows.
@@ -171,6 +173,10 @@ def common_strains(strain: FloatArray, row_design: NDArray[np.int64]) -> FloatAr
     at = np.array([np.interp(fraction, np.linspace(0, 1, len(c)), c) for c in curves])
     middle = np.median(at, axis=0)
     low, high = np.quantile(at[:, 0], 0.9), np.quantile(at[:, -1], 0.1)
+    if at[:, 0].max() - at[:, 0].min() < _END_SLACK * (middle[1] - middle[0]):
+        low = at[:, 0].max()
+    if at[:, -1].max() - at[:, -1].min() < _END_SLACK * (middle[-1] - middle[-2]):
+        high = at[:, -1].min()
     if not low < high:
         low, high = middle[0], middle[-1]
     position = (middle - middle[0]) / (middle[-1] - middle[0])

@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from kiribench.surrogate.strain_path import along
+
 FloatArray = NDArray[np.float64]
 
 
@@ -39,7 +41,7 @@ class Hyperparameters:
     The process is ``y = target_mean + target_scale f((x - input_low) / input_span)``.
 
     Attributes:
-        input_low, input_span: d numbers, units of the inputs.
+        input_low, input_span: d numbers, units of the inputs (of the strain along the path).
         target_mean, target_scale: unit of the targets.
         length_scales: d numbers (d + 1 with a corner), or one for all inputs, in scaled inputs.
         warp: d - 1 pairs of extra end slopes; empty where designs are not warped.
@@ -48,6 +50,8 @@ class Hyperparameters:
         corner: two numbers, or empty where there is no angle.
         curve_noise: variance common to a design's rows, over signal variance.
         spread: factor on the standard deviations, from left-out designs of the training data.
+        path: of :func:`kiribench.surrogate.strain_path.strain_path`, or empty: the last input is
+            then the strain as it is.
     """
 
     input_low: tuple[float, ...]
@@ -61,6 +65,7 @@ class Hyperparameters:
     corner: tuple[float, ...] = ()
     curve_noise: float = 0.0
     spread: float = 1.0
+    path: tuple[tuple[float, ...], ...] = ()
 
     @property
     def noise_variance(self) -> float:
@@ -97,7 +102,16 @@ class Hyperparameters:
 
     def scale_inputs(self, X: FloatArray) -> FloatArray:
         """(n, d) inputs in the kernel's units."""
-        return np.asarray((X - np.array(self.input_low)) / np.array(self.input_span))
+        return np.asarray(
+            (self.along_path(X) - np.array(self.input_low)) / np.array(self.input_span)
+        )
+
+    def along_path(self, X: FloatArray) -> FloatArray:
+        """(n, d) inputs, the strain along the path of each row's design where there are paths."""
+        if not self.path:
+            return X
+        designs = (X[:, :-1] - np.array(self.input_low[:-1])) / np.array(self.input_span[:-1])
+        return np.column_stack([X[:, :-1], along(self.path, designs, X[:, -1])])
 
     def scale_targets(self, y: FloatArray) -> FloatArray:
         """Targets as the process sees them."""
@@ -127,6 +141,7 @@ class Hyperparameters:
             corner=tuple(map(float, record["corner"])),
             curve_noise=float(record["curve_noise"]),
             spread=float(record["spread"]),
+            path=tuple(tuple(map(float, row)) for row in record["path"]),
         )
         positive = (*read.input_span, read.target_scale, *read.length_scales, read.signal_variance)
         others = (*read.input_low, read.target_mean, read.noise_ratio, read.curve_noise)

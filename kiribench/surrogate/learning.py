@@ -15,12 +15,15 @@ from kiribench.surrogate import likelihood
 from kiribench.surrogate.grid import DesignGrid
 from kiribench.surrogate.hyperparameters import Hyperparameters, Parameters, scaling_of
 from kiribench.surrogate.kernel_form import KernelForm, start_parameters
+from kiribench.surrogate.strain_path import Path
 
 Tensor = torch.Tensor
 FloatArray = NDArray[np.float64]
 Objective = Callable[[Parameters], tuple[float, Parameters]]
 COARSE_DESIGNS = 128  # designs of the first, cheap search
 COARSE_ROWS = 400  # scattered rows on which starts are compared
+NEARLY_ALL, MOST = 0.85, 0.6  # of the observed entries
+FEW_HOLES = 2e7  # multiplications that are not worth losing a row of the likelihood
 CHEAP_HOLES = 1e9  # multiplications that the holes may add to one likelihood
 START_LENGTHS = (0.5, 1.0, 2.0, 4.0)  # times the usual start
 START_NOISE = (1e-4, 1e-2, 1.0)  # over the signal variance
@@ -32,7 +35,7 @@ class Problem:
     """Rows to learn from, scaled, and where their parameters go.
 
     Attributes:
-        X, y: (n, d) and (n,) in their own units.
+        X, y: (n, d) and (n,) in their own units, the strain along its path where there is one.
         grid: the rows as a grid, or ``None``.
         scaled: scalings of inputs and targets; its kernel parameters are empty.
         raw: whether the inputs are left in their own units.
@@ -60,6 +63,7 @@ class Problem:
         grid: DesignGrid | None,
         *,
         scaling: tuple[str, bool],
+        path: Path,
         place: torch.device,
         seed: int | None,
         max_evaluations: int,
@@ -68,7 +72,15 @@ class Problem:
         """Scale as ``scaling`` says, see :func:`scaling_of`."""
         low, span, mean, scale = scaling_of(X, y, inputs=scaling[0], centre=scaling[1])
         scaled = Hyperparameters(
-            tuple(low.tolist()), tuple(span.tolist()), mean, scale, (), (), float("nan"), 1.0
+            tuple(low.tolist()),
+            tuple(span.tolist()),
+            mean,
+            scale,
+            length_scales=(),
+            warp=(),
+            signal_variance=float("nan"),
+            noise_ratio=1.0,
+            path=path,
         )
         return cls(X, y, grid, scaled, scaling[0] == "none", place, seed, max_evaluations, gain)
 
@@ -181,14 +193,30 @@ def _dense_objective(problem: Problem, form: KernelForm, rows: Any) -> Objective
 def _for_likelihood(grid: DesignGrid, seed: int | None) -> DesignGrid:
     """The part of a grid on which the kernel parameters are learnt.
 
-    All of it where little is missing. Else the complete part that is left after dropping the
-    emptiest strains and designs, or, where holes are everywhere, a random choice of designs
-    with so few holes that the exact likelihood stays cheap. The process itself is always
-    conditioned on every row.
+    All of it where next to nothing is missing. Else the complete part that is left after
+    dropping the emptiest strains and designs where that is nearly all; or all of it with more
+    holes; or a complete part that is most of it; or, where holes are everywhere, a random choice
+    of designs with so few holes that the exact likelihood stays cheap. The process itself is
+    always conditioned on every row.
     """
     missing = len(grid.missing)
+    if missing * missing * grid.values.size <= FEW_HOLES:
+        return grid
+    complete = _complete_part(grid)
+    share = complete.observed.sum() / grid.observed.sum()
+    if share >= NEARLY_ALL:
+        return complete
     if missing * missing * grid.values.size <= CHEAP_HOLES:
         return grid
+    if share >= MOST:
+        return complete
+    # Holes grow with the designs: n designs cost n^3.
+    part = (CHEAP_HOLES / (missing * missing * grid.values.size)) ** (1.0 / 3.0)
+    return _some_designs(grid, max(20, int(part * len(grid.designs))), seed)
+
+
+def _complete_part(grid: DesignGrid) -> DesignGrid:
+    """What is left when the emptiest strains and designs are dropped until nothing is missing."""
     rows = np.ones(len(grid.designs), dtype=bool)
     columns = np.ones(len(grid.curve), dtype=bool)
     while not grid.observed[np.ix_(rows, columns)].all():
@@ -198,12 +226,7 @@ def _for_likelihood(grid: DesignGrid, seed: int | None) -> DesignGrid:
             rows[np.flatnonzero(rows)[by_row.argmax()]] = False
         else:
             columns[np.flatnonzero(columns)[by_column.argmax()]] = False
-    if rows.sum() * columns.sum() >= 0.6 * grid.observed.sum():
-        return _part(grid, rows, columns)
-    # Holes grow with the designs: n designs cost n^3.
-    share = (CHEAP_HOLES / (missing * missing * grid.values.size)) ** (1.0 / 3.0)
-    count = max(20, int(share * len(grid.designs)))
-    return _some_designs(grid, count, seed)
+    return _part(grid, rows, columns)
 
 
 def _some_designs(grid: DesignGrid, count: int, seed: int | None) -> DesignGrid:

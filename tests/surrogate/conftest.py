@@ -17,7 +17,7 @@ def curves() -> tuple[FloatArray, FloatArray]:
 def sheet_curves() -> tuple[FloatArray, FloatArray]:
     """36 designs with 12 strains of their own each, as a sheet pulled by displacement gives."""
     X, _ = stand_in_table(6, np.linspace(0.05, 0.75, 12))
-    stretchier = 1.0 + 0.06 * (X[:, 0] / 100) * (1.0 - 0.5 * X[:, 1] / 100)
+    stretchier = 1.0 + 0.06 * (X[:, 0] / 100) ** 1.2 * (1.0 - 0.5 * X[:, 1] / 100)
     X = X.copy()
     X[:, 2] *= stretchier
     return X, stand_in_poisson(X[:, 0] / 100, X[:, 1] / 100, X[:, 2])

@@ -24,7 +24,7 @@ def space(levels: int, strains: FloatArray, *, own_strains: bool = False) -> Des
     X, y = stand_in_table(levels, strains)
     if own_strains:
         X = X.copy()
-        X[:, 2] *= 1.0 + 0.05 * (X[:, 0] / 100) * (X[:, 1] / 100)
+        X[:, 2] *= 1.0 + 0.05 * np.sqrt(X[:, 0] / 100) * (X[:, 1] / 100)
     _, design = np.unique(X[:, :2], axis=0, return_inverse=True)
     return DesignSpace(
         file=Path(__file__),  # any file: its hash goes into the provenance
