@@ -1,11 +1,16 @@
 """Twenty subjects, five designs each: what the worn model predicts. Run as a script; resumable.
 
     python tests/benchmarks/study_twenty.py FOLDER [--methods uniform,paper,...] [--table]
+    python tests/benchmarks/study_twenty.py FOLDER --poses 24 [--only S1,S2,...]
 
 Three stored subjects and seventeen generated ones: varied build, asymmetry, shear (twist of the
 skin), hollows, scan and node noise. R001 to R007 may be looked at while building; R008 to R017
 are of another seed and were fixed before any of them was run. Each finished design is a line of
 FOLDER/study.tsv; a second run goes on with what is missing. `--table` prints the summary.
+
+`--poses` puts `worn` and `robust` on in random poses (drawn from the errors that `robust` is
+designed for; not its own poses), with node noise, and beside them `carried`: corners that are on
+their nodes and move as the straps do. Each pose is a line of FOLDER/poses.tsv.
 """
 
 from __future__ import annotations
@@ -22,15 +27,17 @@ from kiribench.dataset import Dataset
 from kiribench.design.methods import design_patch
 from kiribench.design.on_skin import design_on_skin
 from kiribench.design.problem import DesignProblem, problem_from_subject
-from kiribench.design.robust import design_robust
+from kiribench.design.robust import Spread, design_robust
 from kiribench.design.skin import skin_of
 from kiribench.design.surrogates import Surrogates
+from kiribench.design.worn import Pose
 from kiribench.design.worn_model import KneeModel
 from kiribench.design.worn_record import worn_table
 from kiribench.errors import NotConvergedError
 from kiribench.lattice import CutMap
 from kiribench.reference.check import CheckOptions, check_design
 from kiribench.reference.export import check_object
+from kiribench.reference.fast_overlap import FastOverlap
 from kiribench.reference.ground import KneeGround
 from kiribench.reference.side_by_side import best_uniform
 from kiribench.schema.design_space import read_design_space
@@ -46,6 +53,12 @@ COLUMNS = (
     "good_strict", "mean_strict", "fair_low", "fair_high", "least_paper", "causes",
     "design_cpu_s", "check_cpu_s", "elements",
 )  # fmt: skip
+POSED = ("carried", "worn", "robust")
+POSE_COLUMNS = (
+    "subject", "pose", "method", *(f"{name}_{by}" for by in ("paper", "strict", "iou")
+                                  for name in ("fair", "good", "mean")),
+)  # fmt: skip
+POSE_SEED, POSE_ELEMENTS, NOISE_DRAWS = 97, 6, 8
 ROOT = Path(__file__).parents[2]
 
 
@@ -182,6 +195,99 @@ def judged(
     )
 
 
+def posed(folder: Path, count: int, only: tuple[str, ...]) -> None:
+    """Put the designs on in random poses, and keep the shares of each pose."""
+    path = folder / "poses.tsv"
+    if not path.exists():
+        path.write_text("\t".join(POSE_COLUMNS) + "\n", encoding="utf-8")
+    finished = {line.split("\t")[0] for line in path.read_text(encoding="utf-8").splitlines()}
+    spread = Spread()
+    for number, (label, (_, root, _)) in enumerate(subjects().items()):
+        kept = {name: folder / "designs" / label / name for name in POSED[1:]}
+        ready = all(one.exists() for one in kept.values())
+        if label in finished or (only and label not in only) or not ready:
+            continue
+        skin = skin_of(Dataset.open(root or folder / "data" / label).subject(label))
+        model, fast = KneeModel(skin), FastOverlap.of(skin)
+        tables = {name: read_design(one) for name, one in kept.items()}
+        rng = np.random.default_rng([POSE_SEED, number])
+        lines = []
+        for index, pose in enumerate(spread.draw(count, rng)):
+            noise = rng.standard_normal((NOISE_DRAWS, *model.target_q_mm.shape))
+            for name in POSED:
+                if name == "carried":
+                    corner = carried(model, pose)
+                else:
+                    cuts = CutMap(tables[name].a, tables[name].b, tables[name].cell_mm)
+                    corner = model.worn(cuts, POSE_ELEMENTS, **pose).corner_q_mm
+                areas = fast.areas(corner + spread.node_mm * noise)
+                shares = []
+                for values in (areas.paper, areas.strict, areas.iou):
+                    known = values[np.isfinite(values)]
+                    shares += [(known >= 0.75).mean(), (known >= 0.9).mean(), known.mean()]
+                words = (f"{value:.4f}" for value in shares)
+                lines.append("\t".join([label, str(index), name, *words]))
+        with path.open("a", encoding="utf-8") as table:
+            table.write("\n".join(lines) + "\n")
+        print(f"{label}: {count} poses", flush=True)
+
+
+def carried(model: KneeModel, pose: Pose) -> np.ndarray:
+    """(R+1, C+1, 2) nodes moved as the straps are: turned, displaced, slipped evenly."""
+    target = model.target_q_mm
+    size = target[-1, -1] - target[0, 0]
+    centre = target[0, 0] + size / 2
+    angle = np.deg2rad(pose["turn_deg"])
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    moved = (target - centre) @ turn.T + centre + np.array(pose["offset_mm"])
+    moved[..., 1] -= pose["strap_slip_mm"] * (target[..., 1] - target[0, 0, 1]) / size[1]
+    return np.asarray(moved)
+
+
+def pose_summary(folder: Path) -> str:
+    """Markdown: means over subjects and poses, and robust less worn with 95 % of bootstraps.
+
+    Subjects are drawn with replacement, and poses within each.
+    """
+    lines = (folder / "poses.tsv").read_text(encoding="utf-8").splitlines()[1:]
+    cells = [line.split("\t") for line in lines]
+    labels = list(dict.fromkeys(row[0] for row in cells))
+    values = np.array([[float(x) for x in row[3:]] for row in cells])
+    table = values.reshape(len(labels), -1, len(POSED), values.shape[1])
+    rng = np.random.default_rng(0)
+
+    def words(value: float, name: str) -> str:
+        return f"{value:+.3f}" if name.startswith("mean") else f"{100 * value:+.1f}"
+
+    out = [
+        f"{len(labels)} subjects ({', '.join(labels)}), {table.shape[1]} poses each",
+        "| design | " + " | ".join(name.replace("_", ", ") for name in POSE_COLUMNS[3:]) + " |",
+        "|---" * (1 + len(POSE_COLUMNS[3:])) + "|",
+    ]
+    for which, method in enumerate(POSED):
+        mean = table[:, :, which].mean(axis=(0, 1))
+        shown = [words(v, n).lstrip("+") for v, n in zip(mean, POSE_COLUMNS[3:], strict=True)]
+        out.append(f"| {method} | " + " | ".join(shown) + " |")
+    gain = table[:, :, 2] - table[:, :, 1]
+    draws = []
+    for _ in range(2000):
+        chosen = rng.integers(0, len(gain), len(gain))
+        poses = rng.integers(0, gain.shape[1], (len(gain), gain.shape[1]))
+        draws.append(gain[chosen[:, None], poses].mean(axis=(0, 1)))
+    low, high = np.quantile(draws, [0.025, 0.975], axis=0)
+    shown = [
+        f"{words(v, n)} [{words(a, n)}, {words(b, n)}]"
+        for v, a, b, n in zip(gain.mean(axis=(0, 1)), low, high, POSE_COLUMNS[3:], strict=True)
+    ]
+    out.append("| robust - worn | " + " | ".join(shown) + " |")
+    by_subject = ", ".join(
+        f"{label} {100 * g:+.1f}"
+        for label, g in zip(labels, gain[:, :, 4].mean(axis=1), strict=True)
+    )
+    out.append(f"good by strict, robust - worn by subject: {by_subject}")
+    return "\n".join(out)
+
+
 def summary(folder: Path) -> str:
     """Markdown: mean over the subjects of each share, with a 95 % bootstrap interval."""
     lines = (folder / "study.tsv").read_text(encoding="utf-8").splitlines()
@@ -224,8 +330,14 @@ if __name__ == "__main__":
     parser.add_argument("--methods", default=",".join(METHODS))
     parser.add_argument("--only", default="")
     parser.add_argument("--table", action="store_true")
+    parser.add_argument("--poses", type=int, default=0)
     given = parser.parse_args()
-    if not given.table:
-        chosen_methods = tuple(given.methods.split(","))
-        run(given.folder, chosen_methods, tuple(filter(None, given.only.split(","))))
-    print(summary(given.folder))
+    labels_given = tuple(filter(None, given.only.split(",")))
+    if given.poses:
+        posed(given.folder, given.poses, labels_given)
+    elif not given.table:
+        run(given.folder, tuple(given.methods.split(",")), labels_given)
+    if not given.poses:
+        print(summary(given.folder))
+    if (given.folder / "poses.tsv").exists():
+        print(pose_summary(given.folder))

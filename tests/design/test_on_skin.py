@@ -10,9 +10,11 @@ import pytest
 from design_toys import drawn_problem, surrogates
 
 from kiribench.design import on_skin
+from kiribench.design.result import Designed
 from kiribench.design.summary import design_object, design_text
 from kiribench.errors import NotConvergedError
 from kiribench.lattice import CutMap
+from kiribench.report.design_page import design_page
 
 
 class Reached(Exception):
@@ -54,8 +56,10 @@ def test_the_last_refusal_and_that_of_a_chosen_start_are_told(monkeypatch: Any) 
     assert started(monkeypatch, 1, start="exact") == 1
 
 
-def told_of(monkeypatch: pytest.MonkeyPatch, method: str, overlap: Any) -> tuple[dict, str]:
-    """What is said of a design on the skin whose corners are off by (3, 4) mm at one node."""
+def made(
+    monkeypatch: pytest.MonkeyPatch, method: str, overlap: Any, status: str = "ok"
+) -> Designed:
+    """A design on the skin whose corners are off by (3, 4) mm at one node."""
     problem, cuts = drawn_problem(1)
     rows, columns = problem.shape
     target = np.stack(
@@ -66,7 +70,7 @@ def told_of(monkeypatch: pytest.MonkeyPatch, method: str, overlap: Any) -> tuple
     model = SimpleNamespace(
         target_q_mm=target,
         weight=np.ones(target.shape[:2]),
-        worn=lambda *_: SimpleNamespace(corner_q_mm=worn, status="ok", cpu_seconds=0.0),
+        worn=lambda *_: SimpleNamespace(corner_q_mm=worn, status=status, cpu_seconds=0.0),
     )
     first = SimpleNamespace(rms_mm=6.25, posed_rms_mm=1.5)
     last = SimpleNamespace(rms_mm=1.0, posed_rms_mm=1.25)
@@ -80,9 +84,14 @@ def told_of(monkeypatch: pytest.MonkeyPatch, method: str, overlap: Any) -> tuple
     monkeypatch.setattr(on_skin, "design_worn", lambda *_, **__: found)
     monkeypatch.setattr(on_skin, "design_robust", lambda *_, **__: found)
     monkeypatch.setattr(on_skin, "worn_settings", lambda *_: {})
-    result = on_skin.design_on_skin(
+    return on_skin.design_on_skin(
         method, problem, surrogates(), cast(Any, None), overlap=overlap, good_from=0.9
     )
+
+
+def told_of(monkeypatch: pytest.MonkeyPatch, method: str, overlap: Any) -> tuple[dict, str]:
+    """What is said of such a design."""
+    result = made(monkeypatch, method, overlap)
     return design_object(result), design_text(result)
 
 
@@ -119,3 +128,23 @@ def test_a_robust_design_says_its_mean_over_the_errors(monkeypatch: Any) -> None
     skin = told["on_skin"]
     assert (skin["posed_start_rms_mm"], skin["posed_rms_mm"]) == (1.5, 1.25)
     assert "1.25 mm (rms), 1.50 mm where it began" in words
+
+
+@pytest.mark.parametrize("method", ["worn", "robust"])
+def test_a_design_that_the_finer_mesh_does_not_confirm_says_so(
+    monkeypatch: Any, method: str
+) -> None:
+    result = made(monkeypatch, method, half_covered, status="not-converged")
+    note = "No equilibrium was found on the mesh of 16: not confirmed."
+    assert design_object(result)["on_skin"]["equilibrium"] is False
+    assert result.design.settings["MethodSettings"]["Confirmed"]["Status"] == "not-converged"
+    words = design_text(result)
+    assert note in words
+    assert words.splitlines()[-1].strip().startswith("Verdict: not confirmed")
+    page = design_page(result, surrogates())
+    assert note in page
+    head = page[page.index("<header") : page.index("</header>")]
+    assert "Not confirmed, the finer mesh has no equilibrium" in head
+    # And one that is confirmed says neither.
+    fine = design_text(made(monkeypatch, method, half_covered))
+    assert "confirmed" not in fine
