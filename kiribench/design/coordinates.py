@@ -1,4 +1,4 @@
-"""The coordinates of a surrogate's design kernel and its correlations, with two derivatives.
+"""The coordinates of a surrogate's design kernel, with two derivatives.
 
 Closed forms: the search asks for them thousands of times at a few points each, where automatic
 differentiation costs five to sixty times the arithmetic. The tests hold them against torch's.
@@ -101,57 +101,3 @@ def warp_jet(
     value = inside + WARP_DEPTH * (low * rise + high * fall) + (x - inside) * slope
     curvature = np.where(x == inside, (high * at_high - low * at_low) / WARP_DEPTH, 0.0)
     return value / norm, slope / norm, curvature / norm
-
-
-@dataclass(frozen=True, eq=False)
-class Parts:
-    """A one-dimensional correlation k in parts that multiply cheaply.
-
-    Attributes:
-        exponent, factor: ``k = factor exp(-exponent)``.
-        slope: k' / k by the signed scaled distance.
-        curvature: k'' / k; empty where it was not asked for.
-    """
-
-    exponent: FloatArray
-    factor: FloatArray
-    slope: FloatArray
-    curvature: FloatArray
-
-
-def correlation_parts(family: str, d: FloatArray, *, curved: bool = True) -> Parts:
-    """The parts at signed scaled distances d of any shape.
-
-    Rasmussen & Williams 2006, eq. 4.9 (Gaussian) and 4.16 (Matern 3/2, 5/2, 7/2).
-    """
-    none = np.zeros(0)
-    if family == "gaussian":
-        square = d * d
-        return Parts(0.5 * square, np.ones(1), -d, square - 1.0 if curved else none)
-    root = {"matern32": 3.0, "matern52": 5.0, "matern72": 7.0}[family]
-    s = math.sqrt(root) * np.abs(d)
-    if family == "matern32":
-        f = 1.0 + s
-        return Parts(s, f, -3.0 * d / f, -3.0 * (1.0 - s) / f if curved else none)
-    if family == "matern52":
-        f = 1.0 + s * (1.0 + s / 3.0)
-        rate = -5.0 / (3.0 * f)
-        bend = rate * (1.0 + s * (1.0 - s)) if curved else none
-        return Parts(s, f, rate * d * (1.0 + s), bend)
-    third = s / 3.0
-    f = 1.0 + s * (1.0 + s * (0.4 + 0.2 * third))
-    rate = -1.4 / f
-    bend = rate * (1.0 + s * (1.0 - third * s)) if curved else none
-    return Parts(s, f, rate * d * (1.0 + s * (1.0 + third)), bend)
-
-
-def correlation(family: str, d: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Exponent and factor alone: ``k = f exp(-e)``."""
-    if family == "gaussian":
-        return 0.5 * d * d, np.ones(1)
-    s = math.sqrt({"matern32": 3.0, "matern52": 5.0, "matern72": 7.0}[family]) * np.abs(d)
-    if family == "matern32":
-        return s, 1.0 + s
-    if family == "matern52":
-        return s, 1.0 + s * (1.0 + s / 3.0)
-    return s, 1.0 + s * (1.0 + s * (0.4 + s / 15.0))

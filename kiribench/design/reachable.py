@@ -7,25 +7,22 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from kiribench.design.box_newton import Objective, minimise_in_box
+from kiribench.design.box_newton import expected_gain, minimise_in_box
+from kiribench.design.patch_search import rough_extremes
 from kiribench.design.patchwork import Patchwork
 from kiribench.design.response import Jet, Response
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
+EQUAL = 1e-7
+"""Of the response: extremes that are compared only after Newton's method ended."""
+
+FEWEST_STEPS = 4
+"""Of the coarse grid: what the stencils of the patches take."""
+
 GRID_STEP = 0.02
 """Of the coarse grid, fraction of the cell edge: the paper's table has steps of 0.05."""
-
-STARTS = 4
-"""Local extremes of the grid that Newton's method starts from, a cell, at most."""
-
-ROUGH = 5e-4
-"""Of Poisson's ratio: by how much extremes on the patches may be off."""
-
-BELOW_GRID = 0.02
-"""By how much an extreme may exceed the nearest grid point: half the curvature (up to some 100 for
-Poisson's ratio) times the square of half the grid's diagonal (.014)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +50,7 @@ class Reachable:
 
 def axis(high: float) -> FloatArray:
     """The coarse grid's axis from 0 to the longest cut."""
-    return np.linspace(0.0, high, 1 + int(np.ceil(high / GRID_STEP - 1e-9)))
+    return np.linspace(0.0, high, 1 + max(FEWEST_STEPS, int(np.ceil(high / GRID_STEP - 1e-9))))
 
 
 def reachable(
@@ -63,7 +60,7 @@ def reachable(
     cells: IntArray | None = None,
     patches: Patchwork | None = None,
 ) -> Reachable:
-    """The global extremes: from the best local ones of a coarse grid, by Newton's method.
+    """The global extremes: the lowest and highest places of bicubic patches, by Newton's method.
 
     Args:
         response: of n cells.
@@ -74,11 +71,56 @@ def reachable(
     """
     ticks = axis(high)
     which = np.arange(response.count) if cells is None else cells
-    values = response.on_grid(ticks, ticks, which) if grid is None else grid
-    fast = Patchwork.of(ticks, values) if patches is None else patches
-    low, at_low = _least(response, fast, which, values, ticks, 1.0)
-    high_, at_high = _least(response, fast, which, -values, ticks, -1.0)
-    return Reachable(low, -high_, at_low, at_high)
+    if patches is None:
+        values = response.on_grid(ticks, ticks, which) if grid is None else grid
+        patches = Patchwork.of(ticks, values)
+    points, cell, sign = rough_extremes(patches)
+    near = _promising(response, which[cell], sign, points, high)
+    points, cell, sign = points[near], cell[near], sign[near]
+    points, value = extremes(response, which[cell], sign, points, high)
+    best = np.lexsort((sign * value, cell, -sign))
+    group = 2 * cell[best] + (sign[best] < 0)
+    first = best[np.concatenate(([True], np.diff(group) != 0))]
+    low, top = first[sign[first] > 0], first[sign[first] < 0]
+    return Reachable(value[low], value[top], points[low], points[top])
+
+
+def _promising(
+    response: Response, cells: IntArray, sign: FloatArray, points: FloatArray, high: float
+) -> IntArray:
+    """Indices of the places that may be their cell's lowest or highest, by one Newton step.
+
+    Where the response hardly changes the patches have dozens of extremes, equal but for their
+    error; twice the gain that Newton's method expects tells most of them apart.
+    """
+    at = response.jet(points, cells)
+    value = sign * at.value
+    gain = expected_gain(points, sign[:, None] * at.slope, sign[:, None, None] * at.curvature, high)
+    group = 2 * (cells - cells.min(initial=0)) + (sign < 0)
+    least = np.full(group.max(initial=-1) + 1, np.inf)
+    np.minimum.at(least, group, value)
+    return np.flatnonzero(value - 2.0 * gain <= least[group] + EQUAL)
+
+
+def extremes(
+    response: Response, cells: IntArray, sign: FloatArray, start: FloatArray, high: float
+) -> tuple[FloatArray, FloatArray]:
+    """Local minima (sign 1) and maxima (sign -1) of responses: (k, 2) points, (k,) values.
+
+    Args:
+        response: of n cells.
+        cells: (k,) whose response.
+        sign: (k,).
+        start: (k, 2) near them.
+        high: longest cut, fraction.
+    """
+
+    def objective(x: FloatArray, which: IntArray) -> Jet:
+        at, s = response.jet(x, cells[which]), sign[which]
+        return Jet(s * at.value, s[:, None] * at.slope, s[:, None, None] * at.curvature)
+
+    points = minimise_in_box(objective, start, high)
+    return points, response.jet(points, cells).value
 
 
 def local_minima(values: FloatArray) -> NDArray[np.bool_]:
@@ -109,35 +151,3 @@ def starts_of(
     cell, place = np.nonzero(np.isfinite(found) & low)
     flat = best[cell, place]
     return np.column_stack([ticks[flat // columns], ticks[flat % columns]]), cell
-
-
-def _least(
-    response: Response,
-    patches: Patchwork,
-    cells: IntArray,
-    values: FloatArray,
-    ticks: FloatArray,
-    sign: float,
-) -> tuple[FloatArray, FloatArray]:
-    """Minima of ``sign * response``: (n,) values and (n, 2) points; on the patches first."""
-    points, cell = starts_of(values, ticks, STARTS, within=BELOW_GRID)
-    high = float(ticks[-1])
-    points = minimise_in_box(_signed(patches, cell, sign), points, high)
-    rough = sign * patches.jet(points, cell).value
-    best = np.full(len(values), np.inf)
-    np.minimum.at(best, cell, rough)
-    keep = rough <= best[cell] + ROUGH
-    points, cell = points[keep], cell[keep]
-    points = minimise_in_box(_signed(response, cells[cell], sign), points, high)
-    value = sign * response.jet(points, cells[cell]).value
-    order = np.lexsort((value, cell))
-    first = order[np.concatenate(([True], np.diff(cell[order]) > 0))]
-    return value[first], points[first]
-
-
-def _signed(response: Response, cells: IntArray, sign: float) -> Objective:
-    def objective(x: FloatArray, which: IntArray) -> Jet:
-        at = response.jet(x, cells[which])
-        return Jet(sign * at.value, sign * at.slope, sign * at.curvature)
-
-    return objective

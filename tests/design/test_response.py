@@ -8,7 +8,10 @@ import torch
 from design_toys import surrogates
 from tolerances import AUTOGRAD, DIFFERENCE_SLOPE
 
-from kiribench.design.coordinates import correlation, correlation_parts, warp_jet
+from kiribench.design.coordinates import Coordinates, warp_jet
+from kiribench.design.correlations import FAMILIES as COMPILED
+from kiribench.design.correlations import correlations, weighted_jets
+from kiribench.design.design_part import KEPT_GRIDS, DesignPart, with_three
 from kiribench.design.response import KernelResponse
 from kiribench.errors import UsageError
 from kiribench.surrogate.kernel_form import KernelForm, TorchParameters, design_correlation
@@ -61,8 +64,6 @@ def test_derivatives_against_finite_differences(model: str) -> None:
 def test_every_kernel_against_torchs_differentiation(
     family: str, warped: bool, cornered: bool
 ) -> None:
-    from kiribench.design.coordinates import Coordinates
-
     form = KernelForm(family, "gaussian", 3, warped=warped, cornered=cornered)
     lengths = np.array([0.3, 0.5, 0.7][: 2 + cornered])
     parameters = TorchParameters(
@@ -80,7 +81,9 @@ def test_every_kernel_against_torchs_differentiation(
         (0.05, 0.11) if cornered else None,
         lengths,
     )
-    response = KernelResponse(weights, 0.3, coordinates, coordinates.jet(nodes.numpy())[0], family)
+    at_nodes = np.ascontiguousarray(with_three(coordinates.jet(nodes.numpy())[0]).T)
+    part = DesignPart(0.3, coordinates, at_nodes, family, None, lambda _: weights)
+    response = KernelResponse(part, weights, weights)
     for point in RNG.uniform(0.02, 0.98, (5, 2)):
 
         def mean(x: torch.Tensor) -> torch.Tensor:
@@ -102,13 +105,43 @@ def test_every_kernel_against_torchs_differentiation(
 
 
 @pytest.mark.parametrize("family", list(FAMILIES))
-def test_parts_multiply_to_the_correlation(family: str) -> None:
-    d = np.linspace(-3, 3, 13)
-    parts = correlation_parts(family, d)
-    expected = FAMILIES[family](torch.tensor(np.abs(d))).numpy()
-    np.testing.assert_allclose(parts.factor * np.exp(-parts.exponent), expected, rtol=1e-13)
-    exponent, factor = correlation(family, d)
-    np.testing.assert_allclose(factor * np.exp(-exponent), expected, rtol=1e-13)
+def test_compiled_correlations_are_the_families_products(family: str) -> None:
+    assert set(COMPILED) == set(FAMILIES)
+    at, nodes = RNG.normal(size=(5, 3)), RNG.normal(size=(3, 7))
+    expected = np.ones((5, 7))
+    for c in range(3):
+        gap = np.abs(np.subtract.outer(at[:, c], nodes[c]))
+        expected *= FAMILIES[family](torch.tensor(gap)).numpy()
+    np.testing.assert_allclose(correlations(family, at, nodes), expected, rtol=1e-13)
+    weights, cells = RNG.normal(size=(2, 7)), np.array([1, 0, 1, 1, 0])
+    value = weighted_jets(family, at, nodes, weights, cells)[:, 0]
+    np.testing.assert_allclose(value, (weights[cells] * expected).sum(axis=1), atol=1e-13)
+
+
+def test_points_at_a_design_and_far_from_all_have_finite_derivatives() -> None:
+    nodes = np.zeros((3, 1))
+    at = np.array([[0.0, 0.0, 0.0], [1e4, 0.0, 0.0], [0.0, -1e4, 1e4]])
+    for family in FAMILIES:
+        jets = weighted_jets(family, at, nodes, np.ones((1, 1)), np.zeros(3, dtype=np.int64))
+        assert np.isfinite(jets).all()
+        assert jets[0, 0] == 1.0
+        assert (jets[0, 1:4] == 0.0).all()
+        assert (np.abs(jets[1:]) < 1e-60).all()
+
+
+def test_what_is_kept_of_a_process_is_made_once_and_goes_with_a_new_fit() -> None:
+    kept = surrogates().poisson
+    first, second = (KernelResponse.of(kept, STRAIN[:k]) for k in (2, 5))
+    assert first.part is second.part
+    ticks = np.linspace(0.0, 0.9, 7)
+    assert first.part.on_grid(ticks, ticks) is second.part.on_grid(ticks, ticks)
+    fine = np.linspace(0.0, 0.9, 70)
+    assert first.part.on_grid(fine, fine) is not second.part.on_grid(fine, fine)
+    for count in range(2, 9):
+        second.part.on_grid(ticks[:count], ticks)
+    assert len(second.part._grids) <= KEPT_GRIDS
+    other = surrogates("gp").poisson
+    assert KernelResponse.of(other, STRAIN).part is not first.part
 
 
 def test_the_warp_runs_straight_on_beyond_its_ends() -> None:
