@@ -1,7 +1,8 @@
 """CPU seconds of a worn check, of a worn design and of placement, on a synthetic knee.
 
-Run as a script; exits 1 where a worn design of 12 x 6 cells, confirmed at 16 elements, takes a
-minute or more, or a worn check at 10 elements 5 s or more. CPU seconds, one thread.
+Run as a script; exits 1 where a worn design of 12 x 6 cells, confirmed at 16 elements, or the
+robust one from there takes a minute or more, or a worn check at 10 elements 5 s or more. CPU
+seconds, one thread.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from kiribench.dataset import Dataset
+from kiribench.design.robust import design_robust
 from kiribench.design.skin import skin_of
 from kiribench.design.worn import design_worn
 from kiribench.design.worn_model import KneeModel
@@ -49,14 +51,19 @@ def main() -> int:
     fast.overlap(many)
     quick = (time.process_time() - began) / 200
     overlap = fast.overlap(confirmed.corner_q_mm)
+    began = time.process_time()
+    robust = design_robust(model, found.cut_map)
+    steadied = time.process_time() - began
     print(f"worn design from uniform      {designed:7.2f} CPU s, {len(found.iterations)} states")
+    print(f"  cuts at a bound             {found.at_bounds:7d} of {2 * start.a.size}")
+    print(f"robust from there             {steadied:7.2f} CPU s, {robust.at_bounds} at a bound")
     print(f"  confirmed at 16 elements    {confirm:7.2f} CPU s, good {(overlap >= 0.9).mean():.3f}")
     print(f"worn check at 10 elements     {check:7.2f} CPU s")
     print(f"score by the exact route      {score:7.2f} CPU s (1000 draws)")
     print(f"fast overlap, one patch       {1000 * quick:7.2f} CPU ms")
     apart = np.abs(fast.overlap(worn.corner_q_mm) - exact.overlap).max()
     print(f"  largest difference          {apart:7.4f}")
-    missed = designed + confirm >= DESIGN_S or check >= CHECK_S
+    missed = max(designed + confirm, steadied) >= DESIGN_S or check >= CHECK_S
     print("missed" if missed else "met")
     return int(missed)
 
