@@ -3,8 +3,8 @@
 Shares no code with the product. Each slit has two gates; a tour is a perfect matching of gates
 that is connected through the slits. The start and the free end are the two gates of one further
 slit of no length. Degree and connectivity constraints give a lower bound (Dantzig, Fulkerson &
-Johnson 1954; all pairs that are left out are priced with the duals), branching on the same
-programme the optimum itself.
+Johnson 1954; all pairs that are left out are priced with the duals), branching on the pairs of
+that programme a tour, whose length is the optimum where it equals the bound.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _FREE = -1
 
 @dataclass(frozen=True)
 class Tour:
-    """``bound_mm`` proved from below; ``length_mm`` of the optimum, None if not found."""
+    """``bound_mm`` proved from below; ``length_mm`` of the tour found, None if there is none."""
 
     bound_mm: float
     length_mm: float | None
@@ -117,7 +117,7 @@ def _reached(graph: csr_matrix, start: int) -> np.ndarray:
 def shortest_tour(
     ends_mm: np.ndarray, start_mm: np.ndarray, *, near: int = 8, seconds: float = 120.0
 ) -> Tour:
-    """Bound and, within the time, optimum of the way from ``start_mm`` through all slits."""
+    """Bound and, within the time, a tour of the way from ``start_mm`` through all slits."""
     begun = time.process_time()
     programme = _Programme(np.asarray(ends_mm, float), np.asarray(start_mm, float), near)
     every = np.array(np.triu_indices(programme.count, 1)).T
@@ -164,7 +164,7 @@ def shortest_tour(
         )
         if whole.x is None:
             break
-        bound = max(bound, float(whole.mip_dual_bound)) if whole.mip_dual_bound else bound
+        # The programme's own bound would hold for these pairs of gates only.
         if not programme.add_cuts(np.rint(whole.x)):
             return Tour(bound, float(whole.fun))
     return Tour(bound, None)

@@ -260,6 +260,17 @@ def _no_room(word: str) -> Fault:
 
 def _slit_warnings(slits: Slits, kerf_mm: float, design: PatchDesign) -> list[Fault]:
     faults = []
+    longest = 100 * float(max(design.a.max(), design.b.max()))
+    if 0 < longest <= 1:
+        faults.append(
+            Fault(
+                "cuts-below-percent",
+                f"No cut is longer than {longest:g} % of the cell edge.",
+                "a_percent and b_percent are percent: 60, not 0.6.",
+                severity="warning",
+                got=f"at most {longest:g}",
+            )
+        )
     if len(slits.left_out):
         p, q = (int(n) for n in slits.left_out[0])
         faults.append(

@@ -1,8 +1,8 @@
-"""Travel of the cutting head against the proved optimum, on patches of 12 x 6 cells.
+"""Travel of the cutting head against a proved bound, on patches of 12 x 6 cells.
 
-The peer is exact: a linear programme with connectivity cuts (HiGHS) whose bound no tour can
-undercut, solved to integrality where time allows. Unordered is the order of the lattice. Exits
-with 1 where a travel is more than 10 % above the bound.
+The peer is a linear programme with connectivity cuts (HiGHS): no tour can undercut its bound.
+Branching on it gives a tour, where time allows the optimum. Unordered is the order of the lattice.
+Exits with 1 where a travel is more than 10 % above the bound.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ def main(tables: list[str]) -> int:
         cases[f"{design.participant}, {design.method}"] = design
     shortest_route(np.random.default_rng(0).uniform(0, 9, (9, 2, 2)), (0.0, 0.0))  # compile
     worst = 0.0
-    print(f"{'patch':28}{'slits':>6}{'unordered':>11}{'ours':>9}{'optimum':>9}{'bound':>9}"
+    print(f"{'patch':28}{'slits':>6}{'unordered':>11}{'ours':>9}{'branched':>9}{'bound':>9}"
           f"{'ratio':>8}{'ours CPU':>10}{'exact CPU':>10}")  # fmt: skip
     for name, design in cases.items():
         slits = plan_patch(design, PatchOptions(0.15)).slits
@@ -49,7 +49,7 @@ def main(tables: list[str]) -> int:
         t0 = time.process_time()
         ours = shortest_route(ends, (0.0, 0.0)).travel_mm
         t1 = time.process_time()
-        exact = shortest_tour(ends, np.zeros(2), seconds=60)
+        exact = shortest_tour(ends, np.zeros(2), seconds=20)
         t2 = time.process_time()
         ratio = ours / exact.bound_mm
         worst = max(worst, ratio)

@@ -184,6 +184,14 @@ def test_usage_and_data_errors(run, table, tokens, code, name):
     assert f"error[{name}]" in err
 
 
+@pytest.mark.parametrize(("longest", "warned"), [(0.009, True), (0.02, False), (0.0, False)])
+def test_fractions_where_percent_are_asked_for_are_warned_of(run, tmp_path, longest, warned):
+    table = write_design(tmp_path, uniform_design(longest, longest / 2, 2, 2))
+    code, _, err = run("export", table, "--out", "cut", "--no-hoops", "--no-fiducials", "--quiet")
+    assert code == 0
+    assert ("warning[cuts-below-percent]" in err) == warned
+
+
 def test_no_cuts_no_hoops_no_marks(run, tmp_path):
     table = write_design(tmp_path, given_design(np.zeros((2, 2)), np.zeros((2, 2)), participant=""))
     code, out, _ = run("export", table, "--out", "cut", "--no-hoops", "--no-fiducials", "--quiet")
