@@ -48,11 +48,12 @@ class Sphere:
 
 @dataclass(frozen=True)
 class Quadric:
-    """A plane stretched alike both ways and bent: z = -(across x^2 + along y^2) / 2."""
+    """A plane stretched alike both ways and bent: z = -(across x^2 + along y^2) / 2 - twist x y."""
 
     across: float
     along: float
     stretch: float = 1.0
+    twist: float = 0.0
 
     @property
     def outward(self) -> float:
@@ -62,16 +63,17 @@ class Quadric:
         s = self.stretch
         x, y = s * q.T
         zero, one = np.zeros_like(x), np.ones_like(x)
-        place = np.column_stack([x, y, -0.5 * (self.across * x * x + self.along * y * y)])
+        height = -0.5 * (self.across * x * x + self.along * y * y) - self.twist * x * y
+        place = np.column_stack([x, y, height])
         first = s * np.stack(
             [
-                np.column_stack([one, zero, -self.across * x]),
-                np.column_stack([zero, one, -self.along * y]),
+                np.column_stack([one, zero, -self.across * x - self.twist * y]),
+                np.column_stack([zero, one, -self.along * y - self.twist * x]),
             ],
             axis=1,
         )
         second = np.zeros((len(q), 3, 3))
-        second[:, 0, 2], second[:, 2, 2] = -s * s * self.across, -s * s * self.along
+        second[:, :, 2] = -s * s * np.array([self.across, self.twist, self.along])
         return SurfaceJet(place, first, second)
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from cyclopts import Parameter
 
 from kiribench.cli.check_files import write_files
-from kiribench.cli.check_ground import ground_of, subject_of, synthetic
+from kiribench.cli.check_ground import ground_of, of_one_subject, subject_of, synthetic
 from kiribench.cli.command import Common, Outcome
 from kiribench.errors import EXIT_GATE_FAILED, EXIT_OK, Fault, UsageError
 
@@ -158,6 +158,7 @@ def check(
         if surface == "flat" and pull is not None
         else subject_of(designs[0], subject, participant, needed=surface == "worn")
     )
+    of_one_subject(designs, None if found is None else found.id)
     ground = ground_of(designs[0], found, surface, pull)
     return _simulated(
         designs, ground, options, found, reference, common,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -36,6 +37,27 @@ def subject_of(
     if folder.name == f"sub-{name}" and not (folder / "dataset_description.json").exists():
         folder = folder.parent
     return Dataset.open(folder).subject(name)
+
+
+def of_one_subject(designs: Sequence[PatchDesign], participant: str | None) -> None:
+    """Refuse designs of different participants, or of another than the subject.
+
+    Raises:
+        UsageError: ``check-other-participant``; a table that names none is nobody's and passes.
+    """
+    names = [one.participant for one in designs if one.participant]
+    expected = participant or (names[0] if names else None)
+    for one in designs:
+        if one.participant and one.participant != expected:
+            raise UsageError(
+                "check-other-participant",
+                "The design was made for another participant.",
+                remedy="Check each design on its own subject; for a design that is nobody's, "
+                "leave the participant out of its sidecar.",
+                file=one.file,
+                got=one.participant,
+                expected=expected,
+            )
 
 
 def _dataset_of(design: PatchDesign, participant: str) -> Path | None:

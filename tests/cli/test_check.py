@@ -172,6 +172,37 @@ def test_a_design_of_another_patch_is_refused(run: Any, tmp_path: Path) -> None:
     assert "check-cell" in err
 
 
+def test_a_design_of_somebody_else_is_refused(design: Path, run: Any, tmp_path: Path) -> None:
+    other = write_design(tmp_path / "other", replace(elbow_design(0.6, 0.6), participant="E2"))
+    for tokens in (
+        (other, "--subject", elbow_root(), "--participant", "E1"),
+        (design, other, "--subject", elbow_root()),
+        (design, other, "--surface", "flat", "--pull", "1.2"),
+    ):
+        exit_code, _, err = run(*tokens, *QUICK)
+        assert exit_code == 2
+        assert "check-other-participant" in err
+    exit_code, _, err = run(design, "--subject", elbow_root(), "--participant", "E9")
+    assert exit_code in (2, 3)
+    assert "E9" in err
+
+
+def test_cuts_that_are_no_numbers_are_refused(design: Path, run: Any, tmp_path: Path) -> None:
+    folder = tmp_path / "broken"
+    shutil.copytree(design.parent if design.is_file() else design, folder)
+    (table,) = folder.rglob("*_design.tsv")
+    lines = table.read_text().splitlines()
+    at = lines[0].split("\t").index("a_percent")
+    for value in ("nan", "-5", "100", "wide"):
+        fields = lines[1].split("\t")
+        fields[at] = value
+        table.write_text("\n".join([lines[0], "\t".join(fields), *lines[2:]]) + "\n")
+        exit_code, _, err = run(table, "--subject", elbow_root(), *QUICK)
+        assert exit_code == 3
+        assert "error[" in err
+        assert "error[bug]" not in err
+
+
 def test_a_drawn_misfit_is_said_to_be_one(design: Path, run: Any, tmp_path: Path) -> None:
     root = tmp_path / "data"
     shutil.copytree(elbow_root(), root)

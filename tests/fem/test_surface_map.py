@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from curved_skins import Sphere, sphere_nodes
+from curved_skins import Quadric, Sphere, sphere_nodes
 from tolerances import SPLINE_CURVATURE
 
 from kiribench.errors import NodesError
@@ -36,7 +36,14 @@ def test_a_spline_goes_through_its_nodes_and_reproduces_cubics() -> None:
 
 
 @pytest.mark.parametrize(
-    "surface", [Plane(1.1, 1.3, 0.2), Cylinder(40.0, 1.1, 1.3), Sphere(50.0), _polynomial_spline()]
+    "surface",
+    [
+        Plane(1.1, 1.3, 0.2),
+        Cylinder(40.0, 1.1, 1.3),
+        Sphere(50.0),
+        Quadric(0.01, -0.02, 1.1, 0.015),
+        _polynomial_spline(),
+    ],
 )
 def test_derivatives_are_those_of_the_places_inside_and_outside(surface: SurfaceMap) -> None:
     q = np.random.default_rng(1).uniform(-40, 130, (60, 2))

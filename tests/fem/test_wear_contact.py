@@ -64,6 +64,7 @@ def _laplace(surface: SurfaceMap, q: np.ndarray, thickness: float) -> np.ndarray
         (Quadric(-1 / 60, -1 / 60, 1.2), -2.0),
         (Quadric(1 / 60, -1 / 60, 1.2), 0.0),
         (Quadric(1 / 60, -2 / 60, 1.2), -1.0),
+        (Quadric(1 / 60, 0.0, 1.2, 1 / 60), 1.0),
     ],
 )
 def test_pressure_on_domes_hollows_and_saddles(surface: Quadric, middle: float) -> None:

@@ -34,6 +34,7 @@ def methods(checked: Sequence[CheckedDesign]) -> Html:
                 ),
                 *(number(share[name]["mean"], 3) for name in DEFINITIONS),
                 number(content["mesh"]["largest_overlap_error"], 3),
+                number(content["face_overlap_mm"], 2),
             ]
         )
         score = one.conformability
@@ -54,7 +55,7 @@ def methods(checked: Sequence[CheckedDesign]) -> Html:
             )
         )
     head = ("Design", "Fair, paper", "Good, paper", "Fair, strict", "Good, strict", "Mean, paper",
-            "Mean, strict", "Mean, iou", "Mesh error")  # fmt: skip
+            "Mean, strict", "Mean, iou", "Mesh error", "Faces, mm")  # fmt: skip
     return tag(
         "section",
         tag("h2", "Designs side by side"),
@@ -62,17 +63,22 @@ def methods(checked: Sequence[CheckedDesign]) -> Html:
             head,
             rows,
             caption="Share of cells that are at least fair (overlap 75 % or more) and good (90 % "
-            "or more) by two definitions, mean overlaps, and the largest error of an overlap by "
-            "the mesh.",
+            "or more) by two definitions, mean overlaps, the largest error of an overlap by the "
+            "mesh, and the depth to which cut faces pass through each other.",
             numeric=tuple(range(1, len(head))),
         ),
+        [
+            tag("p", tag("strong", f"{one.design.method}: "), flag, class_="flag")
+            for one in checked
+            if (flag := overlap_flag(one))
+        ],
         tag("div", maps, class_="triple"),
         id="designs",
     )
 
 
 def cells(first: CheckedDesign) -> Html:
-    """Section: grade and mesh error of every cell, contact, tips, overlapping faces."""
+    """Section: grade and mesh error of every cell, contact, cut tips."""
     score = first.conformability
     drawing = grade_map(
         _grades(first),
@@ -99,7 +105,6 @@ def cells(first: CheckedDesign) -> Html:
         *([contact_words(content["contact"])] if first.ground.kind == "worn" else []),
         *([tip_words(content["tips"])] if first.worn.tip_stretch.size else []),
     ]
-    flag = overlap_flag(first)
     ground = first.ground
     if isinstance(ground, FlatGround) and ground.flat is not None:
         notes.append(
@@ -119,7 +124,6 @@ def cells(first: CheckedDesign) -> Html:
             ),
             class_="pair",
         ),
-        tag("p", flag, class_="flag") if flag else None,
         bullets(notes),
         id="cells",
     )
