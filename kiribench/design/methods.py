@@ -17,7 +17,8 @@ from kiribench.design.limits import Limits
 from kiribench.design.options import DesignOptions
 from kiribench.design.paper import PENALTY, search
 from kiribench.design.problem import DesignProblem
-from kiribench.design.reachable import reachable
+from kiribench.design.reachable import reachable_in_blocks
+from kiribench.design.response import KernelResponse
 from kiribench.design.result import Designed, EquivalentDesigns
 from kiribench.design.sensitivity import least_sensitive
 from kiribench.design.surrogates import Surrogates
@@ -25,6 +26,8 @@ from kiribench.design.uniform import best_single
 from kiribench.errors import UsageError
 
 FloatArray = NDArray[np.float64]
+
+MOST_CURVES = 600  # cells whose curves of equivalent designs are all kept
 
 METHODS: dict[str, str] = {
     "paper": "the paper's objective, cell by cell, by CMA-ES",
@@ -148,7 +151,7 @@ def _insensitive(cells: Cells, found: Exact) -> FloatArray:
 
 def _balanced(cells: Cells) -> Designed:
     start = time.process_time()
-    span = reachable(cells.poisson, cells.high)
+    span = reachable_in_blocks(cells.poisson, cells.high)
     found = balance(cells, span)
     seconds = time.process_time() - start
     rows, columns = cells.problem.shape
@@ -195,7 +198,7 @@ def _uniform(cells: Cells) -> Designed:
         "uniform",
         cells,
         np.broadcast_to(best, (rows, columns, 2)).copy(),
-        reachable(cells.poisson, cells.high),
+        reachable_in_blocks(cells.poisson, cells.high),
         curves=_curves(cells),
         cpu_seconds=seconds,
     )
@@ -206,14 +209,19 @@ def _on_patch(cells: Cells, cuts: FloatArray) -> FloatArray:
 
 
 def _curves(cells: Cells) -> tuple[EquivalentDesigns, ...]:
+    """Of every cell; of a large patch only of the smallest, the middle and the largest target."""
     if not cells.options.curves:
         return ()
     columns = cells.problem.shape[1]
+    which = np.arange(len(cells))
+    if len(cells) > MOST_CURVES:
+        which = np.sort(np.argsort(cells.target)[[0, len(cells) // 2, -1]])
+    response = KernelResponse.of(cells.surrogates.poisson, cells.strain[which])
     return tuple(
         EquivalentDesigns((int(place) // columns, int(place) % columns), pieces)
         for place, pieces in zip(
-            cells.place,
-            equivalent_designs(cells.poisson, cells.target, cells.high),
+            cells.place[which],
+            equivalent_designs(response, cells.target[which], cells.high),
             strict=True,
         )
     )

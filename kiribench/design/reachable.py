@@ -15,6 +15,9 @@ from kiribench.design.response import Jet, Response
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
+BLOCK = 1_000
+"""Cells at a time."""
+
 EQUAL = 1e-7
 """Of the response: extremes that are compared only after Newton's method ended."""
 
@@ -83,6 +86,20 @@ def reachable(
     first = best[np.concatenate(([True], np.diff(group) != 0))]
     low, top = first[sign[first] > 0], first[sign[first] < 0]
     return Reachable(value[low], value[top], points[low], points[top])
+
+
+def reachable_in_blocks(response: Response, high: float) -> Reachable:
+    """The same for any number of cells, some at a time: 70 kB a cell are in use."""
+    parts = [
+        reachable(response, high, cells=np.arange(start, min(start + BLOCK, response.count)))
+        for start in range(0, response.count, BLOCK)
+    ]
+    return Reachable(
+        np.concatenate([part.low for part in parts]),
+        np.concatenate([part.high for part in parts]),
+        np.concatenate([part.at_low for part in parts]),
+        np.concatenate([part.at_high for part in parts]),
+    )
 
 
 def _promising(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ from kiribench.design.result import REASONS, Designed
 from kiribench.design.summary import design_text
 from kiribench.design.surrogates import Surrogates
 from kiribench.lattice import CutMap
+from kiribench.report.figures.dense_map import dense_map
 from kiribench.report.figures.design_cuts import cuts_drawing, length_map
 from kiribench.report.figures.design_targets import (
     equivalent_figure,
@@ -25,10 +27,18 @@ from kiribench.report.figures.design_targets import (
 from kiribench.report.figures.heatmap import heatmap, scale_limit
 from kiribench.report.html import Html, bullets, table, tag, text
 from kiribench.report.page import document
+from kiribench.report.palette import DIVERGING, SEQUENTIAL
 from kiribench.report.svg import figure_block
 from kiribench.report.words import number
 
 FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+MANY = 600
+"""Cells beyond which maps have colours alone, and figures and the table show some of the cells."""
+
+DRAWN = 20
+"""Rows and columns of a larger patch whose cuts are drawn."""
 
 CURVES = (0.1, 0.3, 0.5, 0.6, 0.7, 0.8, 0.85, 0.9)
 """Cut lengths whose curves are drawn, fractions of the cell edge; each a with each b."""
@@ -66,6 +76,20 @@ def design_page(result: Designed, surrogates: Surrogates) -> str:
     return document(f"kiribench: design of {who}", text([tag("main", sections)]))
 
 
+def _some(count: int, first: NDArray[np.bool_] | None = None) -> IntArray:
+    """(k,) sorted indices of at most MANY of ``count`` things, evenly spread; some come first."""
+    if count <= MANY:
+        return np.arange(count)
+    wanted = np.zeros(0, np.int64) if first is None else np.flatnonzero(first)[:MANY]
+    rest = np.setdiff1d(np.arange(count), wanted)
+    spread = np.linspace(0, len(rest) - 1, MANY - len(wanted)).astype(np.int64)
+    return np.union1d(wanted, rest[spread])
+
+
+def _of_all(shown: int, count: int, what: str) -> str:
+    return "" if shown == count else f" {shown} of {count} {what} are shown, evenly chosen."
+
+
 def _head(result: Designed) -> Html:
     design = result.design
     lines = [line.strip() for line in design_text(result).splitlines()]
@@ -95,7 +119,8 @@ def _targets(result: Designed, cells: Cells) -> Html:
     curves = [(strains, grid[:, i, j]) for i in range(len(lengths)) for j in range(len(lengths))]
     some = strains[::4]
     span = reachable(KernelResponse.of(kept, some), cells.high)
-    distance = result.design.quantity("distance").ravel()[cells.place]
+    beyond = result.design.quantity("distance").ravel()[cells.place] > 1e-6
+    stars = _some(len(cells), beyond)
     return tag(
         "section",
         tag("h2", "Targets among what cuts can do"),
@@ -103,14 +128,15 @@ def _targets(result: Designed, cells: Cells) -> Html:
             targets_figure(
                 curves,
                 (some, span.low, span.high),
-                cells.problem.longitudinal_strain.ravel()[cells.place],
-                cells.target,
-                distance > 1e-6,
+                cells.problem.longitudinal_strain.ravel()[cells.place][stars],
+                cells.target[stars],
+                beyond[stars],
                 cells.surrogates.measure,
             ),
             f"A star is what one cell of skin does. Each line is one cut pattern ({len(curves)} "
             "of them), pulled; the shaded band is what any cuts within the limits can reach. "
-            "Strains below or beyond the lines were not simulated.",
+            "Strains below or beyond the lines were not simulated."
+            + _of_all(len(stars), len(cells), "targets"),
         ),
     )
 
@@ -120,26 +146,57 @@ def _cuts(result: Designed, *, mirrored: bool) -> Html:
     marked = design.reason != ""
     cut_map = CutMap(design.a, design.b, design.cell_mm)
     gap = cut_map.minimum_gap_mm
+    large = marked.size > MANY
+    shown = CutMap(design.a[:DRAWN, :DRAWN], design.b[:DRAWN, :DRAWN], design.cell_mm)
+    part = " of the first rows and columns" if large else ""
+    star = "" if large else " An asterisk: see the reasons."
+
+    def lengths(values: FloatArray, letter: str) -> Html:
+        title, name = f"{letter}, %", f"map-{letter}"
+        if not large:
+            return length_map(values, marked, mirrored=mirrored, title=title, name=name)
+        return dense_map(
+            100 * values, low=0.0, high=100.0, colours=SEQUENTIAL, label=title, mirrored=mirrored,
+            name=name, alt=f"{title}: {100 * values.min():.0f} to {100 * values.max():.0f} %",
+        )  # fmt: skip
+
     return tag(
         "section",
         tag("h2", "Cuts"),
         tag(
             "div",
             figure_block(
-                length_map(design.a, marked, mirrored=mirrored, title="a, %", name="map-a"),
-                "Cuts across the pull, percent of the cell edge. An asterisk: see the reasons.",
+                lengths(design.a, "a"),
+                f"Cuts across the pull, percent of the cell edge.{star}",
             ),
+            figure_block(lengths(design.b, "b"), "Cuts along the pull."),
             figure_block(
-                length_map(design.b, marked, mirrored=mirrored, title="b, %", name="map-b"),
-                "Cuts along the pull.",
-            ),
-            figure_block(
-                cuts_drawing(cut_map, mirrored=mirrored),
-                f"The cuts as half-cuts averaged between cells; the narrowest ligament is "
+                cuts_drawing(shown if large else cut_map, mirrored=mirrored),
+                f"The cuts{part} as half-cuts averaged between cells; the narrowest ligament is "
                 f"{gap:.2f} mm before the kerf. kiribench export writes the files for the laser.",
             ),
             class_="triple",
         ),
+    )
+
+
+def _signed_map(
+    values: FloatArray,
+    label: str,
+    alt: str,
+    name: str,
+    letters: dict[tuple[int, int], str],
+    *,
+    mirrored: bool,
+) -> Html:
+    limit = scale_limit(values)
+    if values.size > MANY:
+        return dense_map(
+            values, low=-limit, high=limit, colours=DIVERGING, label=label, mirrored=mirrored,
+            name=name, alt=alt,
+        )  # fmt: skip
+    return heatmap(
+        values, limit=limit, label=label, mirrored=mirrored, name=name, alt=alt, reasons=letters
     )
 
 
@@ -188,14 +245,13 @@ def _errors(result: Designed, *, mirrored: bool) -> Html:
         uneven = logs - np.where(known, logs, 0.0).sum(axis=0) / count
         blocks.append(
             figure_block(
-                heatmap(
+                _signed_map(
                     uneven,
-                    limit=scale_limit(uneven),
-                    label="ln force against the column's mean",
+                    "ln force against the column's mean",
+                    "Difference of force of cells in series",
+                    "map-force",
+                    letters,
                     mirrored=mirrored,
-                    name="map-force",
-                    alt="Difference of force of cells in series",
-                    reasons=letters,
                 ),
                 (
                     "Nominal stress at the target strains, each cell flat and for itself."
@@ -224,8 +280,8 @@ def _equivalent(result: Designed, cells: Cells) -> Html | None:
     fields = cells.poisson.on_grid(ticks, ticks, np.array(chosen))
     shown = []
     for field, k in zip(fields, chosen, strict=True):
-        curve = result.curves[k]
-        row, column = curve.cell
+        row, column = divmod(int(cells.place[k]), result.problem.shape[1])
+        curve = next(curve for curve in result.curves if curve.cell == (row, column))
         cuts = np.array([result.design.a[row, column], result.design.b[row, column]])
         nu, strain = number(cells.target[k], 3), f"{cells.strain[k]:.3f}"
         title = f"cell ({row}, {column}): ν {nu} at strain {strain}"
@@ -263,26 +319,34 @@ def _generations(result: Designed, cells: Cells) -> Html | None:
     field = cells.poisson.on_grid(ticks, ticks, np.array([k]))[0]
     columns = result.problem.shape[1]
     row, column = divmod(int(cells.place[k]), columns)
+    lines = _some(len(cells))
     return tag(
         "section",
         tag("h2", "Generations of CMA-ES"),
         figure_block(
             generations_figure(
                 course.population[:, k],
-                course.best,
+                course.best[:, lines],
                 (ticks, field),
                 float(cells.target[k]),
                 cells.high,
                 f"cell ({row}, {column}), ν {number(cells.target[k], 3)}",
             ),
             "Left: what was tried in one cell; the line has its target's Poisson's ratio. Right: "
-            f"the objective of all {len(cells)} cells. They stopped after "
+            f"the objective of {len(lines)} of {len(cells)} cells. They stopped after "
             f"{int(course.stopped.min())} to {int(course.stopped.max())} generations.",
         ),
     )
 
 
 def _mixing(cells: Cells) -> Html:
+    count = len(cells)
+    if count > MANY:
+        nu = np.full(cells.problem.poisson_ratio.size, np.nan)
+        place = cells.place[_some(count)]
+        nu[place] = cells.problem.poisson_ratio.ravel()[place]
+        problem = replace(cells.problem, poisson_ratio=nu.reshape(cells.problem.shape))
+        cells = cells_of(problem, cells.surrogates, cells.limits, cells.options)
     mixed = mixed_up(cells)
     place = cells.place
     parts = [array.ravel()[place] for array in (mixed.right_a, mixed.right_b, mixed.a, mixed.b)]
@@ -305,7 +369,7 @@ def _mixing(cells: Cells) -> Html:
             f"{mixed.read_as} strains: the cuts move by {np.median(moved):.1f} % of the cell edge "
             f"(median, {moved.max():.1f} % at most), and the true Poisson's ratio misses by "
             f"{np.sqrt(np.mean(error**2)):.3f} rms instead of {np.sqrt(np.mean(right**2)):.3f}. "
-            "kiribench refuses to do this.",
+            "kiribench refuses to do this." + _of_all(len(cells), count, "cells"),
         ),
     )
 
@@ -322,7 +386,8 @@ def _table(result: Designed) -> Html:
     )
     low, high = design.quantity("reachable_low"), design.quantity("reachable_high")
     rows = []
-    for r, c in np.ndindex(design.shape):
+    shown = _some(design.reason.size, design.reason.ravel() != "")
+    for r, c in zip(*np.unravel_index(shown, design.shape), strict=True):
         numbers = [number(float(design.quantity(name)[r, c]), 4) for name in names]
         reach = (number(float(one[r, c]), 3) for one in (low, high))
         rows.append(
@@ -344,6 +409,13 @@ def _table(result: Designed) -> Html:
     return tag(
         "section",
         tag("h2", "All cells"),
+        tag(
+            "p",
+            f"{len(shown)} of {design.reason.size} cells are listed, those with a reason first; "
+            "the design table has them all.",
+        )
+        if len(shown) < design.reason.size
+        else None,
         bullets(reasons) if reasons else None,
         table(
             (
