@@ -16,7 +16,7 @@ from kiribench.report.html import Html, bullets, paragraphs, table, tag
 from kiribench.report.svg import figure_block
 from kiribench.validation.checks import CheckResult
 from kiribench.validation.export import leakage, model_info
-from kiribench.validation.protocols import HEADLINE, protocol
+from kiribench.validation.protocols import HEADLINE, protocol, said_of
 from kiribench.validation.ranking import Place
 from kiribench.validation.run import CvResult
 from kiribench.validation.summary import Score, Summary
@@ -137,12 +137,13 @@ def protocols_section(result: CvResult) -> Html:
     blocks: list[object] = []
     for name, models in result.summaries.items():
         row = protocol(name)
-        blocks.append(tag("h3", row.title))
-        folds = result.planned.folds[name]
+        blocks.append(tag("h3", said_of(result.table, row.title)))
+        folds = len(result.planned.folds[name])
+        said = f"{row.question} {folds} fold{'s' if folds != 1 else ''}."
         blocks.append(
             tag(
                 "p",
-                f"{row.question} {len(folds)} fold{'s' if len(folds) != 1 else ''}."
+                said_of(result.table, said)
                 + (" Rows of one group may be on both sides: no headline." if row.leaky else ""),
             )
         )

@@ -9,7 +9,7 @@ import numpy as np
 from kiribench.surrogate.registry import spec
 from kiribench.validation import gaussian_scores, point_scores
 from kiribench.validation.checks import CheckResult
-from kiribench.validation.protocols import HEADLINE, protocol
+from kiribench.validation.protocols import HEADLINE, protocol, said_of
 from kiribench.validation.ranking import ranking_object
 from kiribench.validation.run import CvResult
 from kiribench.validation.summary import Score, Summary
@@ -44,8 +44,8 @@ def cv_object(
         },
         "protocol_info": {
             name: {
-                "title": protocol(name).title,
-                "question": protocol(name).question,
+                "title": said_of(result.table, protocol(name).title),
+                "question": said_of(result.table, protocol(name).question),
                 "folds": len(folds),
                 "leaky": protocol(name).leaky,
                 "skipped": result.skipped[name],
@@ -152,7 +152,9 @@ def cv_text(result: CvResult, checks: tuple[CheckResult, ...], table_one: TableO
         lines[0] += f", mesh error {table.mesh_error_rms:.2g} rms"
     for name, models in result.summaries.items():
         row = protocol(name)
-        lines += ["", f"{row.title} ({len(result.planned.folds[name])} folds). {row.question}"]
+        folds = len(result.planned.folds[name])
+        said = f"{row.title} ({folds} fold{'s' if folds != 1 else ''}). {row.question}"
+        lines += ["", said_of(result.table, said)]
         lines.append(_HEAD)
         lines += [_line(model, one) for model, one in models.items()]
         lines += [f"  {model:26} skipped: {why}" for model, why in result.skipped[name].items()]

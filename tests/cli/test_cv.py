@@ -216,6 +216,8 @@ def test_a_table_with_groups_of_its_own(tmp_path: Path, capsys: pytest.CaptureFi
     assert main(["cv", str(path), *arguments, "--models", "gp,polynomial", "--json"]) == 0
     result = json.loads(capsys.readouterr().out)
     assert result["table"]["groups"] == frame["bout"].nunique()
+    for info in result["protocol_info"].values():
+        assert "design" not in info["title"] + info["question"]
     assert set(result["protocols"]) == {
         "grouped", "leave-design-out", "learning-curve", "shuffled", "contiguous", "one-row",
     }  # fmt: skip

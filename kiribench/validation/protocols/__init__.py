@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -55,7 +56,7 @@ _ROWS = (
     Protocol(
         HEADLINE,
         "Grouped by design",
-        "How well are designs predicted that were never simulated, amid others that were?",
+        "How well are designs predicted that were never seen, amid others that were?",
         grouped.folds,
     ),
     Protocol(
@@ -99,7 +100,7 @@ _ROWS = (
     Protocol(
         "learning-curve",
         "Learning curve",
-        "How many designs have to be simulated?",
+        "How many designs does it take?",
         learning_curve.folds,
     ),
     Protocol(
@@ -195,3 +196,8 @@ def plan(table: CvTable, settings: CvSettings) -> Planned:
         else:
             left_out[row.name] = reason
     return Planned(folds, left_out)
+
+
+def said_of(table: CvTable, words: str) -> str:
+    """A title or a question with the table's own word for a group: patients are no designs."""
+    return re.sub(r"\bdesign(s?)\b(?! space)", rf"{table.group_word}\1", words)
