@@ -46,12 +46,20 @@ class GridState:
 
 @dataclass(frozen=True, eq=False)
 class DenseState:
-    """A process on scattered rows, ready to predict."""
+    """A process on scattered rows, ready to predict.
+
+    Attributes:
+        inputs: (k, d) scaled, of the rows that it is conditioned on.
+        every: (n, d) scaled, of all rows of the training table.
+        kept: (k,) which of all rows these are.
+    """
 
     form: KernelForm
     learnt: Hyperparameters
     inputs: Tensor
     conditioned: dense.DenseConditioned
+    every: Tensor
+    kept: IntArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,11 +109,33 @@ def _from_dense(state: DenseState, folds: Sequence[IntArray]) -> Iterator[FoldPr
     at, learnt = state.conditioned, state.learnt
     inverse = torch.cholesky_inverse(at.root)
     theta = TorchParameters.of(learnt.kernel_parameters(), state.inputs)
+    place = np.full(len(state.every), -1)
+    place[state.kept] = np.arange(len(state.kept))
     for rows in folds:
-        fold = torch.as_tensor(rows, device=inverse.device)
-        cross = full_correlation(state.form, state.inputs[fold], state.inputs, theta)
+        if len(state.kept) < len(state.every):
+            _refuse_cut_curves(state.every, rows)
+        fold = torch.as_tensor(place[rows][place[rows] >= 0], device=inverse.device)
+        points = state.every[torch.as_tensor(rows, device=inverse.device)]
+        cross = full_correlation(state.form, points, state.inputs, theta)
         mean, variance = dense.leave_rows_out(at, inverse, fold, cross)
         yield FoldPrediction.of(learnt, rows, mean, variance)
+
+
+def _refuse_cut_curves(every: Tensor, rows: IntArray) -> None:
+    _, design = torch.unique(every[:, :-1], dim=0, return_inverse=True)
+    left = torch.zeros(len(every), dtype=torch.bool)
+    left[torch.as_tensor(rows)] = True
+    touched = torch.isin(design.cpu(), design.cpu()[left])
+    if int(touched.sum()) > len(rows):
+        raise _cut_curve("thinned")
+
+
+def _cut_curve(how: str) -> DataError:
+    return DataError(
+        "leave-out-cuts-resampled-curve",
+        f"The table's curves were {how}, and the fold holds a part of a design's curve only.",
+        remedy="Refit for such folds, or leave out whole designs.",
+    )
 
 
 def _from_grid(state: GridState, folds: Sequence[IntArray]) -> Iterator[FoldPrediction]:
@@ -118,12 +148,7 @@ def _from_grid(state: GridState, folds: Sequence[IntArray]) -> Iterator[FoldPred
         designs, row_design = np.unique(grid.row_design[rows], return_inverse=True)
         whole = np.bincount(row_design.ravel()) == rows_of_design[designs]
         if grid.resampled and not whole.all():
-            raise DataError(
-                "leave-out-cuts-resampled-curve",
-                "The table was resampled to a common strain grid, and the fold holds a part "
-                "of a design's curve only.",
-                remedy="Refit for such folds, or leave out whole designs.",
-            )
+            raise _cut_curve("resampled to a common strain grid")
         left = torch.as_tensor(designs, device=place)
         position = torch.as_tensor(row_design.ravel(), device=place)
         strains = torch.as_tensor(strain_scaled[rows][:, None], device=place)

@@ -78,10 +78,10 @@ def leave_rows_out(
         at: the process conditioned on all rows.
         inverse: (n, n) of ``K + g I``.
         fold: (q,) rows to leave out.
-        cross: (q, n) correlations of these rows' process with all rows, without any noise.
+        cross: (t, n) correlations of the process at t points with all rows, without any noise.
 
     Returns:
-        (q,) means and (q,) noise-free variances.
+        (t,) means and (t,) noise-free variances.
     """
     block = torch.linalg.cholesky(inverse[fold][:, fold])
     residual = torch.cholesky_solve(at.alpha[fold][:, None], block)

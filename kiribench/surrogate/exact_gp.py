@@ -15,7 +15,7 @@ from kiribench.errors import DataError, UsageError
 from kiribench.surrogate import dense, kronecker
 from kiribench.surrogate.closed_form import DenseState, GridState, folds_left_out
 from kiribench.surrogate.devices import device_of, torch_threads
-from kiribench.surrogate.grid import DesignGrid, are_curves, find_grid, resample
+from kiribench.surrogate.grid import DesignGrid, are_curves, find_grid, resample, thinned
 from kiribench.surrogate.hyperparameters import Hyperparameters, Parameters
 from kiribench.surrogate.kernel_form import (
     KernelForm,
@@ -33,6 +33,9 @@ from kiribench.surrogate.strain_path import Path, along, strain_path
 FloatArray = NDArray[np.float64]
 Structure = Literal["grid", "resampled", "dense"]
 INNER_FOLDS = 10
+MOST_LOST = 0.02  # of the rows may lie beyond a grid onto which they were resampled
+MOST_CONDITIONED = 4000  # rows to condition on directly where the grid would lose more
+MOST_LOST_OF_MANY = 0.2  # where the rows are more than that: thinning them costs as well
 LEAST_GROUPS = 20  # fewer left-out designs say nothing about a 95 % interval
 NORMAL_95 = 1.959963984540054  # half width of the normal distribution's central 95 %
 
@@ -114,11 +117,15 @@ class ExactGP(RegressorMixin, BaseEstimator):  # type: ignore[misc]
                 "dense" if grid is None else "resampled" if grid.resampled else "grid"
             )
             self.resampling_rms_ = 0.0 if grid is None else grid.resampling_rms
-            if kept is not None:
-                self.evaluations_ = 0
-                self._become(kept, X_, y_, grid, place)
-            else:
+            bearable = MOST_LOST if len(y_) <= MOST_CONDITIONED else MOST_LOST_OF_MANY
+            short = grid is not None and grid.resampled and grid.lost > bearable
+            self.evaluations_ = 0
+            if kept is None:
                 self._choose(X_, straight, y_, grid, given, path, place)
+            elif not short:
+                self._become(kept, X_, y_, grid, place)
+            if short:
+                self._condition_on_rows(X_, y_, kept, place)
         return self
 
     def _choose(
@@ -167,6 +174,26 @@ class ExactGP(RegressorMixin, BaseEstimator):  # type: ignore[misc]
             self.hyperparameters_ = chosen
         else:
             self._become(chosen, X, y, grid, place)
+
+    def _condition_on_rows(
+        self, X: FloatArray, y: FloatArray, kept: Hyperparameters | None, place: torch.device
+    ) -> None:
+        """Keep the kernel that was learnt on the grid's part of the curves, and use all of them.
+
+        Curves of many lengths have no common grid: it would end where the shortest do. So the
+        process takes the rows themselves, evenly thinned where they are too many.
+        """
+        self.structure_, self.resampling_rms_ = "dense", 0.0
+        if kept is not None:
+            self._become(kept, X, y, None, place, MOST_CONDITIONED)
+            return
+        learnt = replace(self.hyperparameters_, spread=1.0)
+        self._become(learnt, X, y, None, place, MOST_CONDITIONED)
+        folds = _inner_folds(X, self.random_state)
+        if self._calibrated() and folds:
+            chosen = replace(self.hyperparameters_, spread=self._inner_scores(y, folds)[1])
+            self._state = replace(self._state, learnt=chosen)
+            self.hyperparameters_ = chosen
 
     def _learn(
         self, problem: Problem, form: KernelForm, start: Parameters | None
@@ -236,19 +263,25 @@ class ExactGP(RegressorMixin, BaseEstimator):  # type: ignore[misc]
         y: FloatArray,
         grid: DesignGrid | None,
         place: torch.device,
+        most: int | None = None,
     ) -> None:
-        """Condition on the rows with these parameters; a NaN signal variance is learnt here."""
+        """Condition on the rows with these parameters; a NaN signal variance is learnt here.
+
+        Without a grid at most ``most`` rows are taken, see :func:`thinned`.
+        """
         form = self._kernel_forms(len(learnt.input_low))[0].with_values_of(learnt)
         signal = None if np.isnan(learnt.signal_variance) else learnt.signal_variance
         if grid is None:
-            inputs = tensor(learnt.scale_inputs(X), place)
+            every = tensor(learnt.scale_inputs(X), place)
+            kept = thinned(X, len(X) if most is None else most)
+            inputs = every[torch.as_tensor(kept, device=place)]
             at = TorchParameters.of(learnt.kernel_parameters(), inputs)
-            values = tensor(learnt.scale_targets(y), place)
+            values = tensor(learnt.scale_targets(y[kept]), place)
             k = observed_correlation(form, inputs, at)
             flat = dense.condition(k, learnt.noise_ratio, values, signal)
             learnt = replace(learnt, signal_variance=flat.signal)
-            nll, rows = flat.negative_log_likelihood, len(y)
-            self._state = DenseState(form, learnt, inputs, flat)
+            nll, rows = flat.negative_log_likelihood, len(kept)
+            self._state = DenseState(form, learnt, inputs, flat, every, kept)
         else:
             designs, strains = scaled_axes(grid, learnt, place)
             at = TorchParameters.of(learnt.kernel_parameters(), designs)

@@ -55,6 +55,13 @@ class DesignGrid:
         """(k,) flat indices of the entries that are not observed."""
         return np.flatnonzero(~self.observed.ravel()).astype(np.int64)
 
+    @property
+    def lost(self) -> float:
+        """Share of the table's rows that lie more than half a step off both ends of the grid."""
+        low = self.curve[0] - 0.5 * (self.curve[1] - self.curve[0])
+        high = self.curve[-1] + 0.5 * (self.curve[-1] - self.curve[-2])
+        return float(np.mean((self.row_strain < low) | (self.row_strain > high)))
+
 
 def find_grid(X: FloatArray, y: FloatArray, *, min_filled: float = 0.5) -> DesignGrid | None:
     """The grid that the rows already are, or ``None``.
@@ -103,6 +110,27 @@ def are_curves(X: FloatArray) -> bool:
         return False
     repeated = len(np.unique(X, axis=0)) < len(X)
     return not repeated
+
+
+def thinned(X: FloatArray, most: int) -> NDArray[np.int64]:
+    """Row numbers, increasing: as many of each curve as ``most`` allows, its ends among them.
+
+    Args:
+        X: (n, d) inputs, the strain last.
+        most: rows to keep, but two of each design at least.
+    """
+    if len(X) <= most:
+        return np.arange(len(X))
+    _, row_design = np.unique(X[:, :-1], axis=0, return_inverse=True)
+    row_design = row_design.ravel()
+    counts = np.bincount(row_design)
+    each = max(2, most // len(counts))
+    order = np.lexsort((X[:, -1], row_design))
+    kept = [
+        rows[np.unique(np.linspace(0, len(rows) - 1, each).round().astype(np.int64))]
+        for rows in np.split(order, np.cumsum(counts)[:-1])
+    ]
+    return np.sort(np.concatenate(kept))
 
 
 def resample(X: FloatArray, y: FloatArray, *, curve: FloatArray | None = None) -> DesignGrid:

@@ -8,7 +8,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from kiribench.surrogate.closed_form import GridState
+from kiribench.surrogate.closed_form import DenseState, GridState
 from kiribench.surrogate.exact_gp import ExactGP
 from kiribench.surrogate.grid import DesignGrid
 from kiribench.surrogate.hyperparameters import Hyperparameters
@@ -45,6 +45,8 @@ def state_of(estimator: Regressor, X: FloatArray, y: FloatArray) -> Arrays:
             "precision": packed,
             "weighted": state.weighted.cpu().numpy(),
         }
+    if isinstance(estimator, ExactGP) and isinstance(estimator._state, DenseState):
+        X, y = X[estimator._state.kept], y[estimator._state.kept]
     starts = np.flatnonzero(
         np.concatenate(([True], (np.diff(X[:, :-1], axis=0) != 0.0).any(axis=1)))
     )
