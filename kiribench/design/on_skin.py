@@ -117,6 +117,7 @@ def design_on_skin(
         "OverlapMean": judged.overlap_mean,
         "OverlapLeast": judged.overlap_least,
     }
+    left_out = settings.get("PosesLeftOut", 0)
     cells = cells_of(problem, surrogates, limits, options)
     cuts = np.stack([found.cut_map.a, found.cut_map.b], axis=-1)
     result = designed(
@@ -130,6 +131,14 @@ def design_on_skin(
             *(
                 [f"No equilibrium was found on the mesh of {CONFIRM_ELEMENTS}: not confirmed."]
                 if confirmed.status != "ok"
+                else []
+            ),
+            *(
+                [
+                    f"In {left_out} of its wrong poses the start has no equilibrium on the "
+                    "design's mesh: these are left out."
+                ]
+                if left_out
                 else []
             ),
             f"Started from {begin}; {found.at_bounds} of {2 * found.cut_map.a.size} cuts are at "

@@ -94,10 +94,11 @@ def design_robust(
         progress: called with (done, total) steps.
 
     Returns:
-        Its iterations are the exact pose; their objective is the mean over all poses.
+        Its iterations are the exact pose; their objective is the mean over all poses in which the
+        start has an equilibrium.
 
     Raises:
-        NotConvergedError: ``worn-start``; the start has no equilibrium in some pose.
+        NotConvergedError: ``worn-start``; the start has no equilibrium in the exact pose.
     """
     poses = (spread or Spread()).poses()
     return design_worn(model, start, limits, replace(options, poses=poses), progress=progress)

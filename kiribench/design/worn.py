@@ -30,6 +30,7 @@ from kiribench.design.limits import Limits
 from kiribench.design.regularisation import Regularisation
 from kiribench.design.worn_model import WornModel
 from kiribench.errors import NotConvergedError, UsageError
+from kiribench.fem.wear import WearSensitivities
 from kiribench.lattice import CutMap
 
 FloatArray = NDArray[np.float64]
@@ -115,7 +116,9 @@ class WornDesign:
 
     Attributes:
         cut_map: the result. iterations: the states on the way, the start first.
-        options, limits: of the design. at_bounds: cuts within 1 % of the range of a bound.
+        options, limits: of the design. poses: those of the options in which the start has an
+            equilibrium; the others were left out.
+        at_bounds: cuts within 1 % of the range of a bound.
         reason: why it stopped. cpu_seconds: processor time.
     """
 
@@ -123,6 +126,7 @@ class WornDesign:
     iterations: tuple[Iteration, ...]
     options: WornOptions
     limits: Limits
+    poses: tuple[Pose, ...]
     at_bounds: int
     reason: str
     cpu_seconds: float
@@ -183,10 +187,11 @@ def design_worn(
         )  # fmt: skip
 
     history: list[Iteration] = []
+    poses = options.poses
     reason, done = "all steps were taken", 0
     for elements, steps in options.levels:
         # Another mesh has another misfit: steps are compared on one mesh only.
-        found = _tried(model, map_of(p), elements, options.poses)
+        poses, found = _standing(model, map_of(p), elements, poses)
         if found is None and not history:
             raise NotConvergedError(
                 "worn-start",
@@ -205,7 +210,7 @@ def design_worn(
             while trust > SHORTEST_STEP:
                 step = model_step(p, found, model, regular, trust)
                 trial = p + step
-                after = _tried(model, map_of(trial), elements, options.poses)
+                after = _tried(model, map_of(trial), elements, poses)
                 if after is not None:
                     new = state(trial, after, elements, float(np.abs(step).max()))
                     if new.objective_mm2 < before.objective_mm2:
@@ -228,6 +233,7 @@ def design_worn(
         iterations=tuple(history),
         options=options,
         limits=limits,
+        poses=poses,
         at_bounds=regular.at_bounds(p),
         reason=reason,
         cpu_seconds=time.process_time() - began,
@@ -247,21 +253,45 @@ class Posed:
     corner_q: FloatArray
 
 
+def _standing(
+    model: WornModel, cut_map: CutMap, elements: int, poses: tuple[Pose, ...]
+) -> tuple[tuple[Pose, ...], Posed | None]:
+    """The poses with an equilibrium and the patch in them; None where the exact one has none."""
+    found = [(pose, _solved(model, cut_map, elements, pose)) for pose in poses]
+    kept = [(pose, one) for pose, one in found if one is not None]
+    if found[0][1] is None:
+        return poses, None
+    return tuple(pose for pose, _ in kept), _together([one for _, one in kept])
+
+
 def _tried(
     model: WornModel, cut_map: CutMap, elements: int, poses: tuple[Pose, ...]
 ) -> Posed | None:
     """The patch in all poses, or None where one of them has no equilibrium."""
-    corners, derivatives = [], []
+    found = []
     for pose in poses:
-        try:
-            found = model.sensitivities(cut_map, elements, **pose)
-        except NotConvergedError:
+        one = _solved(model, cut_map, elements, pose)
+        if one is None:
             return None
-        if found.worn.status != "ok":
-            return None
-        corners.append(found.worn.corner_q_mm)
-        derivatives.append(found.corner_q)
-    return Posed(np.stack(corners), np.concatenate(derivatives))
+        found.append(one)
+    return _together(found)
+
+
+def _solved(
+    model: WornModel, cut_map: CutMap, elements: int, pose: Pose
+) -> WearSensitivities | None:
+    try:
+        found = model.sensitivities(cut_map, elements, **pose)
+    except NotConvergedError:
+        return None
+    return found if found.worn.status == "ok" else None
+
+
+def _together(found: list[WearSensitivities]) -> Posed:
+    return Posed(
+        np.stack([one.worn.corner_q_mm for one in found]),
+        np.concatenate([one.corner_q for one in found]),
+    )
 
 
 def misfit(corner_q_mm: FloatArray, model: WornModel) -> float:

@@ -42,9 +42,10 @@ def worn_settings(found: WornDesign, start: str) -> dict[str, Any]:
         "BarrierMm2": found.options.barrier_mm2,
         "SmoothnessMm2": found.options.smoothness_mm2,
         "Trust": found.options.trust,
+        "PosesLeftOut": len(found.options.poses) - len(found.poses),
         "Poses": [
             {key: list(value) if isinstance(value, tuple) else value for key, value in one.items()}
-            for one in found.options.poses
+            for one in found.poses
         ],
         "RmsMm": last.rms_mm,
         "WorstMm": last.worst_mm,

@@ -12,6 +12,7 @@ from worn_stand_in import StandIn, worn_patch
 
 from kiribench.design.robust import ROBUST, Spread, design_robust
 from kiribench.design.worn import EXACT
+from kiribench.design.worn_record import worn_settings
 from kiribench.errors import NotConvergedError
 from kiribench.fem.wear import WearSensitivities, WornPatch
 from kiribench.lattice import CutMap
@@ -23,9 +24,11 @@ class Posed(StandIn):
 
     Attributes:
         slides: millimetres farther across for a millimetre of offset and a cut of 1.
+        stuck: the pose that has no equilibrium.
     """
 
     slides: float = 0.0
+    stuck: Any = None
 
     def worn(self, cut_map: CutMap, elements: int, **pose: Any) -> WornPatch:
         return self.sensitivities(cut_map, elements, **pose).worn
@@ -38,7 +41,8 @@ class Posed(StandIn):
         corner[..., 1] -= pose.get("strap_slip_mm", 0.0) * self.node_q_mm[..., 1] / 60.0
         derivative = at.corner_q.copy()
         derivative[::2, 0] += across * self.slides
-        return WearSensitivities(worn_patch(corner, status=at.worn.status), derivative, 0.0)
+        status = "not-converged" if pose == self.stuck else at.worn.status
+        return WearSensitivities(worn_patch(corner, status=status), derivative, 0.0)
 
 
 def cuts(values: np.ndarray) -> CutMap:
@@ -159,6 +163,18 @@ def test_steps_without_equilibrium_in_a_pose_are_shortened() -> None:
     found = design_robust(model, start)
     last = found.iterations[-1]
     assert max(np.abs(last.a - 0.5).max(), np.abs(last.b - 0.5).max()) <= 0.05
+    assert last.objective_mm2 < found.iterations[0].objective_mm2
+
+
+def test_a_pose_without_equilibrium_is_left_out_and_told() -> None:
+    stuck = Spread().poses()[6]
+    model = Posed(stuck=stuck)
+    found = design_robust(model, CutMap.uniform(0.5, 0.5, 4, 3, 15.0))
+    assert stuck not in found.poses and len(found.poses) == 8
+    settings = worn_settings(found, "worn")
+    assert settings["PosesLeftOut"] == 1 and len(settings["Poses"]) == 8
+    last = found.iterations[-1]
+    assert last.posed_rms_mm**2 / 2 == pytest.approx(square_over(model, found.cut_map, found.poses))
     assert last.objective_mm2 < found.iterations[0].objective_mm2
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -133,6 +134,19 @@ def test_meshes_follow_the_schedule_and_are_never_compared() -> None:
     exact = lsq_linear(model.matrix, wanted).cost
     off = (found.iterations[-1].corner_q_mm - model.target_q_mm).ravel()
     assert 0.5 * off @ off == pytest.approx(exact, rel=1e-6)
+
+
+def test_a_level_ends_where_a_step_is_not_worth_its_time() -> None:
+    model = StandIn()
+    slow = replace(FREE, trust=0.05, worth=0.0)
+    value = [one.objective_mm2 for one in design_worn(model, start(), options=slow).iterations]
+    gain = 1 - value[1] / value[0]
+    assert len(value) > 3
+    for worth, states in ((1.01 * gain, 2), (0.99 * gain, len(value))):
+        found = design_worn(model, start(), options=replace(slow, worth=worth))
+        assert len(found.iterations) == pytest.approx(states, abs=1 if states > 2 else 0)
+    early = design_worn(model, start(), options=replace(slow, worth=1.01 * gain))
+    assert early.reason.startswith("the last step gained less than")
 
 
 def test_limits_without_a_range_are_refused() -> None:
