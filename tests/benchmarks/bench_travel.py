@@ -1,7 +1,7 @@
 """Travel of the cutting head against a proved bound, on patches of 12 x 6 cells.
 
-The peer is a linear programme with connectivity cuts (HiGHS): no tour can undercut its bound.
-Branching on it gives a tour, where time allows the optimum. Unordered is the order of the lattice.
+The peer is a linear programme with connectivity cuts (HiGHS): no tour can undercut its bound, the
+best known one neither. Unordered is the order of the lattice.
 Exits with 1 where a travel is more than 10 % above the bound.
 """
 
@@ -40,8 +40,8 @@ def main(tables: list[str]) -> int:
         cases[f"{design.participant}, {design.method}"] = design
     shortest_route(np.random.default_rng(0).uniform(0, 9, (9, 2, 2)), (0.0, 0.0))  # compile
     worst = 0.0
-    print(f"{'patch':28}{'slits':>6}{'unordered':>11}{'ours':>9}{'branched':>9}{'bound':>9}"
-          f"{'ratio':>8}{'ours CPU':>10}{'exact CPU':>10}")  # fmt: skip
+    print(f"{'patch':28}{'slits':>6}{'unordered':>11}{'ours':>9}{'bound':>9}"
+          f"{'ratio':>8}{'ours CPU':>10}{'bound CPU':>10}")  # fmt: skip
     for name, design in cases.items():
         slits = plan_patch(design, PatchOptions(0.15)).slits
         ends = np.stack([slits.start_mm, slits.end_mm], axis=1)
@@ -49,12 +49,11 @@ def main(tables: list[str]) -> int:
         t0 = time.process_time()
         ours = shortest_route(ends, (0.0, 0.0)).travel_mm
         t1 = time.process_time()
-        exact = shortest_tour(ends, np.zeros(2), seconds=20)
+        peer = shortest_tour(ends, np.zeros(2), seconds=0)
         t2 = time.process_time()
-        ratio = ours / exact.bound_mm
+        ratio = ours / peer.bound_mm
         worst = max(worst, ratio)
-        best = "-" if exact.length_mm is None else f"{exact.length_mm:.1f}"
-        print(f"{name:28}{len(ends):6d}{unordered:11.1f}{ours:9.1f}{best:>9}{exact.bound_mm:9.1f}"
+        print(f"{name:28}{len(ends):6d}{unordered:11.1f}{ours:9.1f}{peer.bound_mm:9.1f}"
               f"{ratio:8.4f}{t1 - t0:9.2f}s{t2 - t1:9.2f}s")  # fmt: skip
     print(f"travel in mm; worst ratio to the bound {worst:.4f} (required: {TRAVEL_RATIO})")
     return int(worst > TRAVEL_RATIO)

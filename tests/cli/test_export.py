@@ -187,7 +187,7 @@ def test_usage_and_data_errors(run, table, tokens, code, name):
 @pytest.mark.parametrize(("longest", "warned"), [(0.009, True), (0.02, False), (0.0, False)])
 def test_fractions_where_percent_are_asked_for_are_warned_of(run, tmp_path, longest, warned):
     table = write_design(tmp_path, uniform_design(longest, longest / 2, 2, 2))
-    code, _, err = run("export", table, "--out", "cut", "--no-hoops", "--no-fiducials", "--quiet")
+    code, _, err = run("export", table, "--out", "cut", "--no-hoops", "--no-fiducials")
     assert code == 0
     assert ("warning[cuts-below-percent]" in err) == warned
 
