@@ -23,6 +23,7 @@ from kiribench.validation.summary import Score, Summary
 from kiribench.validation.table1 import PAPER_R2, STAND_INS, TableOne
 
 ABSENT = "–"
+LEAST_P = 0.001  # smaller ones are told as smaller
 
 
 def shown(value: float | None, form: str = ".4g") -> str:
@@ -86,8 +87,11 @@ def _against(place: Place, best: str | None) -> str:
     words = place.words.removesuffix(f" than {best}")
     if place.comparison is None:
         return words
-    chance = shown(place.comparison.p_equivalent, ".2g")
-    return f"{words}; p {shown(place.p_adjusted, '.2g')}, P(equal) {chance}"
+    small = place.p_adjusted is not None and place.p_adjusted < LEAST_P
+    said = f"{words}, p " + (f"< {LEAST_P:g}" if small else shown(place.p_adjusted, ".2g"))
+    if small:
+        return said
+    return f"{said}, P(equal) {shown(place.comparison.p_equivalent, '.2g')}"
 
 
 def table_one_section(result: CvResult, found: TableOne | None) -> Html | None:
@@ -106,21 +110,20 @@ def table_one_section(result: CvResult, found: TableOne | None) -> Html | None:
             rows.append(
                 (
                     model,
-                    row,
-                    shown(PAPER_R2[row], ".4f"),
-                    *(shown(ours.get((model, name)), ".4f") for name in names),
+                    f"{row} {PAPER_R2[row]:.4f}",
+                    *(_r2(ours.get((model, name))) for name in names),
                 )
             )
     return tag(
         "section",
         tag("h2", "Table 1 of the paper beside ours"),
         table(
-            ("Ours", "Paper's model", "Paper", *(protocol(name).title for name in names)),
+            ("Ours", "Paper", *(protocol(name).title for name in names)),
             rows,
             caption="R2, mean over the folds as in the paper. Names with a colon are readings or "
             "guesses of settings that the paper does not give. Leaving single designs out is not "
             "here: R2 within one design divides by next to nothing.",
-            numeric=tuple(range(2, 3 + len(names))),
+            numeric=tuple(range(2, 2 + len(names))),
         ),
         paragraphs([re.sub(r"(?<![\w:])-(?=\d)", "−", words) for words in found.sentences]),
         tag("p", "Guessed:"),
@@ -130,6 +133,11 @@ def table_one_section(result: CvResult, found: TableOne | None) -> Html | None:
         ]),
         id="table1",
     )  # fmt: skip
+
+
+def _r2(value: float | None) -> str:
+    """Four digits as in the paper; far below nought nobody needs them."""
+    return shown(value, ".4f" if value is None or value > -1.0 else ".1f")
 
 
 def protocols_section(result: CvResult) -> Html:
@@ -292,11 +300,12 @@ def learning_section(result: CvResult) -> Html | None:
 def time_section(result: CvResult) -> Html | None:
     """Time of a fit against error."""
     points = {
-        name: (seconds, error)
+        name: (seconds, error)  # together: some models do all their work when they predict
         for name, one in headline(result).items()
-        if (seconds := one.scores["fit_s"].mean) is not None
+        if (fitting := one.scores["fit_s"].mean) is not None
+        and (predicting := one.scores["predict_s"].mean) is not None
         and (error := one.scores["rmse"].mean) is not None
-        and seconds > 0
+        and (seconds := fitting + predicting) > 0
         and error > 0
     }
     if not points:
@@ -310,7 +319,7 @@ def time_section(result: CvResult) -> Html | None:
                 marks=marks_of(result.settings.models),
                 unit=result.table.mesh_error_rms,
                 name="time",
-                alt="Seconds of a fit against RMSE by model.",
+                alt="Seconds of a fit and its predictions against RMSE by model.",
             ),
             "Mean over the folds; CPU seconds of one thread, wall seconds on a GPU.",
         ),

@@ -23,7 +23,15 @@ STAND_INS: dict[str, tuple[str, ...]] = {
 }
 NEAR = 0.02
 # Not a way of splitting that "10-fold cross-validation" could mean.
-NOT_TEN_FOLDS = ("leave-design-out", "edge", "learning-curve", "own-folds")
+NOT_TEN_FOLDS = (
+    "leave-design-out",
+    "leave-level-a-out",
+    "leave-level-b-out",
+    "blocks",
+    "edge",
+    "learning-curve",
+    "own-folds",
+)
 
 
 @dataclass(frozen=True)

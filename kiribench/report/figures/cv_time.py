@@ -41,7 +41,7 @@ def time_figure(
             axes.scatter([seconds], [error], color=colour, marker=shape, s=36, label=model)
         if unit is not None:
             axes.axhline(unit, color=INK, linewidth=1.0, linestyle=(0, (4, 2)), label="mesh error")
-        axes.set_xlabel("seconds to fit one fold")
+        axes.set_xlabel("seconds to fit and predict one fold")
         axes.set_ylabel("RMSE under the headline protocol")
         axes.legend(loc="upper left", bbox_to_anchor=(1.02, 1.02), frameon=False, fontsize=9)
         return inline_svg(figure, name, alt)
