@@ -16,26 +16,21 @@ from kiribench.design.result import REASONS, Designed
 from kiribench.design.summary import design_text
 from kiribench.design.surrogates import Surrogates
 from kiribench.lattice import CutMap
-from kiribench.report.figures.dense_map import dense_map
-from kiribench.report.figures.design_cuts import cuts_drawing, length_map
+from kiribench.report.figures.design_cuts import cuts_drawing
+from kiribench.report.figures.design_maps import MANY, cut_lengths, evenly, of_all, signed_map
 from kiribench.report.figures.design_targets import (
     equivalent_figure,
     generations_figure,
     mixing_figure,
     targets_figure,
 )
-from kiribench.report.figures.heatmap import heatmap, scale_limit
 from kiribench.report.html import Html, bullets, table, tag, text
 from kiribench.report.page import document
-from kiribench.report.palette import DIVERGING, SEQUENTIAL
 from kiribench.report.svg import figure_block
 from kiribench.report.words import number
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
-
-MANY = 600
-"""Cells beyond which maps have colours alone, and figures and the table show some of the cells."""
 
 DRAWN = 20
 """Rows and columns of a larger patch whose cuts are drawn."""
@@ -76,20 +71,6 @@ def design_page(result: Designed, surrogates: Surrogates) -> str:
     return document(f"kiribench: design of {who}", text([tag("main", sections)]))
 
 
-def _some(count: int, first: NDArray[np.bool_] | None = None) -> IntArray:
-    """(k,) sorted indices of at most MANY of ``count`` things, evenly spread; some come first."""
-    if count <= MANY:
-        return np.arange(count)
-    wanted = np.zeros(0, np.int64) if first is None else np.flatnonzero(first)[:MANY]
-    rest = np.setdiff1d(np.arange(count), wanted)
-    spread = np.linspace(0, len(rest) - 1, MANY - len(wanted)).astype(np.int64)
-    return np.union1d(wanted, rest[spread])
-
-
-def _of_all(shown: int, count: int, what: str) -> str:
-    return "" if shown == count else f" {shown} of {count} {what} are shown, evenly chosen."
-
-
 def _head(result: Designed) -> Html:
     design = result.design
     lines = [line.strip() for line in design_text(result).splitlines()]
@@ -120,7 +101,7 @@ def _targets(result: Designed, cells: Cells) -> Html:
     some = strains[::4]
     span = reachable(KernelResponse.of(kept, some), cells.high)
     beyond = result.design.quantity("distance").ravel()[cells.place] > 1e-6
-    stars = _some(len(cells), beyond)
+    stars = evenly(len(cells), beyond)
     return tag(
         "section",
         tag("h2", "Targets among what cuts can do"),
@@ -136,7 +117,7 @@ def _targets(result: Designed, cells: Cells) -> Html:
             f"A star is what one cell of skin does. Each line is one cut pattern ({len(curves)} "
             "of them), pulled; the shaded band is what any cuts within the limits can reach. "
             "Strains below or beyond the lines were not simulated."
-            + _of_all(len(stars), len(cells), "targets"),
+            + of_all(len(stars), len(cells), "targets"),
         ),
     )
 
@@ -151,25 +132,18 @@ def _cuts(result: Designed, *, mirrored: bool) -> Html:
     part = " of the first rows and columns" if large else ""
     star = "" if large else " An asterisk: see the reasons."
 
-    def lengths(values: FloatArray, letter: str) -> Html:
-        title, name = f"{letter}, %", f"map-{letter}"
-        if not large:
-            return length_map(values, marked, mirrored=mirrored, title=title, name=name)
-        return dense_map(
-            100 * values, low=0.0, high=100.0, colours=SEQUENTIAL, label=title, mirrored=mirrored,
-            name=name, alt=f"{title}: {100 * values.min():.0f} to {100 * values.max():.0f} %",
-        )  # fmt: skip
-
     return tag(
         "section",
         tag("h2", "Cuts"),
         tag(
             "div",
             figure_block(
-                lengths(design.a, "a"),
+                cut_lengths(design.a, marked, "a", mirrored=mirrored),
                 f"Cuts across the pull, percent of the cell edge.{star}",
             ),
-            figure_block(lengths(design.b, "b"), "Cuts along the pull."),
+            figure_block(
+                cut_lengths(design.b, marked, "b", mirrored=mirrored), "Cuts along the pull."
+            ),
             figure_block(
                 cuts_drawing(shown if large else cut_map, mirrored=mirrored),
                 f"The cuts{part} as half-cuts averaged between cells; the narrowest ligament is "
@@ -180,49 +154,30 @@ def _cuts(result: Designed, *, mirrored: bool) -> Html:
     )
 
 
-def _signed_map(
-    values: FloatArray,
-    label: str,
-    alt: str,
-    name: str,
-    letters: dict[tuple[int, int], str],
-    *,
-    mirrored: bool,
-) -> Html:
-    limit = scale_limit(values)
-    if values.size > MANY:
-        return dense_map(
-            values, low=-limit, high=limit, colours=DIVERGING, label=label, mirrored=mirrored,
-            name=name, alt=alt,
-        )  # fmt: skip
-    return heatmap(
-        values, limit=limit, label=label, mirrored=mirrored, name=name, alt=alt, reasons=letters
-    )
-
-
 def _errors(result: Designed, *, mirrored: bool) -> Html:
     design = result.design
     letters = {
         (int(r), int(c)): str(design.reason[r, c])[:1].upper() or "?"
         for r, c in np.argwhere(~np.isfinite(result.error))
     }
+    large = result.error.size > MANY
+    blank = "White" if large else "Hatched"
     blocks = []
     largest = float(np.nanmax(np.abs(result.error)))
     if largest > result.options.tolerance + 1e-9 or letters:
         blocks.append(
             figure_block(
-                heatmap(
+                signed_map(
                     result.error,
-                    limit=scale_limit(result.error),
-                    label=f"predicted minus target ν ({design.strain_measure})",
+                    f"predicted minus target ν ({design.strain_measure})",
+                    "Error of Poisson's ratio in every cell",
+                    "map-error",
+                    letters,
                     mirrored=mirrored,
-                    name="map-error",
-                    alt="Error of Poisson's ratio in every cell",
-                    reasons=letters,
                 ),
                 "By the surrogate's own prediction, each cell flat and for itself."
-                + " Dashed: the smallest and the largest."
-                + (" Hatched: no target, cuts filled in." if letters else ""),
+                + ("" if large else " Dashed: the smallest and the largest.")
+                + (f" {blank}: no target, cuts filled in." if letters else ""),
             )
         )
     words = None
@@ -245,7 +200,7 @@ def _errors(result: Designed, *, mirrored: bool) -> Html:
         uneven = logs - np.where(known, logs, 0.0).sum(axis=0) / count
         blocks.append(
             figure_block(
-                _signed_map(
+                signed_map(
                     uneven,
                     "ln force against the column's mean",
                     "Difference of force of cells in series",
@@ -260,7 +215,7 @@ def _errors(result: Designed, *, mirrored: bool) -> Html:
                     "stiffer at its target strain than its column (positive) will stretch less "
                     "than it should, a softer one more."
                 )
-                + " Dashed: the stiffest and the softest.",
+                + ("" if large else " Dashed: the stiffest and the softest."),
             )
         )
     return tag(
@@ -319,7 +274,7 @@ def _generations(result: Designed, cells: Cells) -> Html | None:
     field = cells.poisson.on_grid(ticks, ticks, np.array([k]))[0]
     columns = result.problem.shape[1]
     row, column = divmod(int(cells.place[k]), columns)
-    lines = _some(len(cells))
+    lines = evenly(len(cells))
     return tag(
         "section",
         tag("h2", "Generations of CMA-ES"),
@@ -343,7 +298,7 @@ def _mixing(cells: Cells) -> Html:
     count = len(cells)
     if count > MANY:
         nu = np.full(cells.problem.poisson_ratio.size, np.nan)
-        place = cells.place[_some(count)]
+        place = cells.place[evenly(count)]
         nu[place] = cells.problem.poisson_ratio.ravel()[place]
         problem = replace(cells.problem, poisson_ratio=nu.reshape(cells.problem.shape))
         cells = cells_of(problem, cells.surrogates, cells.limits, cells.options)
@@ -369,7 +324,7 @@ def _mixing(cells: Cells) -> Html:
             f"{mixed.read_as} strains: the cuts move by {np.median(moved):.1f} % of the cell edge "
             f"(median, {moved.max():.1f} % at most), and the true Poisson's ratio misses by "
             f"{np.sqrt(np.mean(error**2)):.3f} rms instead of {np.sqrt(np.mean(right**2)):.3f}. "
-            "kiribench refuses to do this." + _of_all(len(cells), count, "cells"),
+            "kiribench refuses to do this." + of_all(len(cells), count, "cells"),
         ),
     )
 
@@ -386,7 +341,7 @@ def _table(result: Designed) -> Html:
     )
     low, high = design.quantity("reachable_low"), design.quantity("reachable_high")
     rows = []
-    shown = _some(design.reason.size, design.reason.ravel() != "")
+    shown = evenly(design.reason.size, design.reason.ravel() != "")
     for r, c in zip(*np.unravel_index(shown, design.shape), strict=True):
         numbers = [number(float(design.quantity(name)[r, c]), 4) for name in names]
         reach = (number(float(one[r, c]), 3) for one in (low, high))

@@ -256,3 +256,23 @@ def test_a_design_on_the_skin_leads_with_its_own_aim() -> None:
     assert "surrogate" not in verdict and "targets are met" not in page
     assert "Neither is an aim of this method" in page
     assert "for the corners of the worn patch" in page
+
+
+def test_a_patch_of_hundreds_of_cells_has_maps_without_numbers_and_says_what_it_leaves_out() -> (
+    None
+):
+    asked = drawn_problem(2, 25, 25)[0]
+    nu = asked.poisson_ratio.copy()
+    nu[24, 24] = np.nan
+    asked = replace(asked, poisson_ratio=nu, reason=np.where(np.isnan(nu), "node-missing", ""))
+    nu[3, 3] = 0.9
+    asked = replace(asked, poisson_ratio=nu)
+    result = design_patch("exact", asked, surrogates(), Limits(), DesignOptions(curves=True))
+    page = design_page(result, surrogates())
+    assert len(result.curves) == 3 and "Equivalent designs" in page
+    assert page.count("<image") >= 4 and len(page) < 1_500_000
+    assert "600 of 624 targets are shown" in page and "600 of 624 cells are shown" in page
+    assert "600 of 625 cells are listed" in page
+    table = page[page.index("are listed") :]
+    assert len(re.findall(r'<th scope="row"', table)) == 600
+    assert "24, 24" in table and "3, 3<" in table  # they have a reason
