@@ -13,15 +13,9 @@ import numpy.typing as npt
 from scipy.sparse import csc_array
 
 from kiribench.fem.assembly import Factor, factorise, quadrature
-from kiribench.fem.batches import (
-    LANES,
-    block_energy,
-    expand_block,
-    linearise_block,
-    negative_pivots,
-    reduce_block,
-)
+from kiribench.fem.batches import block_energy, linearise_block
 from kiribench.fem.elimination import plan_elimination
+from kiribench.fem.facet_batch import FacetBatch
 from kiribench.fem.material import Material
 from kiribench.fem.mesh import FacetBlock, SheetMesh
 
@@ -29,36 +23,15 @@ FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
 
-class _Block:
-    """One block of facets with its plan, its factors and its places in the condensed matrix."""
+class _Block(FacetBatch):
+    """One block of facets with its quadrature."""
 
     def __init__(self, block: FacetBlock) -> None:
         template = block.template
-        self.facets = len(block.nodes)
-        self.plan = plan_elimination(template)
+        super().__init__(plan_elimination(template), block.nodes, block.mirrored)
         self.triangles = template.triangles
         part = quadrature(template.points * block.size_mm, template.triangles)
         self.gradients, self.areas = part.gradients, part.areas_mm2
-        batches = -(-self.facets // LANES)
-        fill = np.minimum(np.arange(batches * LANES), self.facets - 1)
-        self.nodes = np.ascontiguousarray(block.nodes[fill])
-        self.sign = np.where(block.mirrored[fill], -1.0, 1.0)
-        self.store = np.zeros((batches, self.plan.blocks, 4, LANES))
-        self.carried = np.zeros((batches, len(template.points), 2, LANES))
-        count = len(self.plan.kept)
-        self.pairs = np.array(
-            [(i, j) for i in range(count) for j in range(i + 1)], dtype=np.int64
-        ).reshape(-1, 2)
-        self.kept_code = self.plan.kept_blocks[self.pairs[:, 0], self.pairs[:, 1]]
-
-    def kept_entries(self, equation: IntArray) -> tuple[IntArray, IntArray]:
-        """Rows and columns (facets, p, 4) of the entries of the kept pairs; -1 prescribed."""
-        kept = self.nodes[: self.facets, self.plan.kept]
-        one = equation[kept[:, self.pairs[:, 0]]]
-        two = equation[kept[:, self.pairs[:, 1]]]
-        rows = np.stack([one[..., 0], one[..., 0], one[..., 1], one[..., 1]], axis=-1)
-        columns = np.stack([two[..., 0], two[..., 1], two[..., 0], two[..., 1]], axis=-1)
-        return rows, columns
 
 
 class CondensedSystem:
@@ -94,7 +67,7 @@ class CondensedSystem:
         self.condensed_size = int(free.sum())
         self._factor: Factor
         self._plan_condensed()
-        self.area_mm2 = float(sum(block.facets * block.areas.sum() for block in self._blocks))
+        self.area_mm2 = float(sum(block.count * block.areas.sum() for block in self._blocks))
 
     def _plan_condensed(self) -> None:
         """Pattern of the condensed matrix, and the place of every facet's entries in it."""
@@ -119,7 +92,7 @@ class CondensedSystem:
             place = np.searchsorted(pattern, code).astype(np.int32)
             place[code < 0] = -1
             filled = np.full((len(block.nodes), *place.shape[1:]), -1, dtype=np.int32)
-            filled[: block.facets] = place
+            filled[: block.count] = place
             self._places.append(filled)
 
     def energy(self, x: FloatArray) -> float:
@@ -130,7 +103,7 @@ class CondensedSystem:
                 x,
                 block.nodes,
                 block.sign,
-                block.facets,
+                block.count,
                 block.triangles,
                 block.gradients,
                 block.areas,
@@ -146,7 +119,7 @@ class CondensedSystem:
                 x,
                 block.nodes,
                 block.sign,
-                block.facets,
+                block.count,
                 block.triangles,
                 block.gradients,
                 block.areas,
@@ -195,47 +168,17 @@ class CondensedSystem:
         condensed = np.zeros_like(nodal)
         condensed[self._kept_nodes] = nodal[self._kept_nodes]
         for block in self._blocks:
-            plan = block.plan
-            reduce_block(
-                nodal,
-                block.nodes,
-                block.sign,
-                block.facets,
-                plan.order,
-                plan.start,
-                plan.rows,
-                plan.column,
-                plan.kept,
-                block.store,
-                block.carried,
-                condensed,
-            )
+            block.reduce(nodal, condensed)
         free = self._global >= 0
         right = np.zeros(self.condensed_size)
         right[self._global[free]] = condensed[free]
         answer = self._factor.solve(right)
         solution = np.where(free, answer[self._global], 0.0)
         for block in self._blocks:
-            plan = block.plan
-            expand_block(
-                block.nodes,
-                block.sign,
-                block.facets,
-                plan.order,
-                plan.start,
-                plan.rows,
-                plan.column,
-                plan.pivot,
-                plan.kept,
-                block.store,
-                block.carried,
-                solution,
-            )
+            block.expand(solution)
         return self.reduce(solution)
 
     def negative_modes(self) -> int:
         """Negative eigenvalues of the last factorised tangent, by Sylvester's law of inertia."""
-        inner = sum(
-            negative_pivots(block.store, block.plan.pivot, block.facets) for block in self._blocks
-        )
-        return int(inner) + self._factor.negative_pivots()
+        inner = sum(block.negative_pivots() for block in self._blocks)
+        return inner + self._factor.negative_pivots()

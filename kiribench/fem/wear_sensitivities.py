@@ -72,8 +72,8 @@ def corner_sensitivities(system: WearSystem, q: FloatArray) -> FloatArray:
     rows, columns, values = [], [], []
     for group in system.groups:
         plan = group.plan
-        count = len(group.facets)
-        moved = lanes_last(mesh.moved_mm, group.fill)
+        count = group.count
+        moved = lanes_last(mesh.moved_mm, group.chosen)
         result = np.empty((len(moved), 4, len(plan.kept), 2, moved.shape[-1]))
         shape_block(
             jet.x,

@@ -15,7 +15,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.linalg import LinAlgError, cho_solve_banded, cholesky_banded
 
-from kiribench.fem.batches import LANES, expand_block, negative_pivots, reduce_block
+from kiribench.fem.batches import LANES
+from kiribench.fem.facet_batch import FacetBatch
 from kiribench.fem.surface_map import SurfaceJet, SurfaceMap
 from kiribench.fem.wear_kernels import membrane_block, membrane_energy
 from kiribench.fem.wear_mesh import PatchMesh, facet_plan
@@ -31,33 +32,29 @@ def lanes_last(values: FloatArray, fill: IntArray) -> FloatArray:
     return np.ascontiguousarray(np.moveaxis(batched, 1, -1))
 
 
-class FacetGroup:
-    """Facets with one elimination plan, in batches."""
+class FacetGroup(FacetBatch):
+    """Facets of a patch with one elimination plan.
+
+    Attributes:
+        facets: (f,) which they are. chosen: (B L,) which lies in each lane.
+        gradients, areas: of the mesh, in batches. diagonal: (n,) block of each node.
+        kept_place: (f, p, 4) place of the kept entries in the band.
+    """
 
     def __init__(
         self, mesh: PatchMesh, facets: IntArray, gradients: FloatArray, areas: FloatArray
     ) -> None:
         template = mesh.template
         one = mesh.full[facets[0]].tolist()
-        self.plan = facet_plan(template.intervals, template.order, (one[0], one[1], one[2], one[3]))
+        plan = facet_plan(template.intervals, template.order, (one[0], one[1], one[2], one[3]))
+        super().__init__(plan, mesh.nodes[facets])
         self.facets = facets
-        count = len(facets)
-        batches = -(-count // LANES)
-        fill = facets[np.minimum(np.arange(batches * LANES), count - 1)]
-        self.fill = fill
-        self.nodes = np.ascontiguousarray(mesh.nodes[fill])
-        self.sign = np.ones(len(fill))
-        self.gradients = lanes_last(gradients, fill)
-        self.areas = lanes_last(areas, fill)
-        plan = self.plan
+        self.chosen = facets[self.fill]
+        self.gradients = lanes_last(gradients, self.chosen)
+        self.areas = lanes_last(areas, self.chosen)
         corners = np.arange(template.elements.shape[1])
         self.diagonal = np.empty(len(template.spread), dtype=np.int64)
         self.diagonal[template.elements] = plan.element[:, corners, corners]
-        self.store = np.zeros((batches, plan.blocks, 4, LANES))
-        self.carried = np.zeros((batches, len(template.spread), 2, LANES))
-        pairs = [(i, j) for i in range(len(plan.kept)) for j in range(i + 1)]
-        self.pairs = np.array(pairs, dtype=np.int64)
-        self.kept_code = plan.kept_blocks[self.pairs[:, 0], self.pairs[:, 1]]
         self.kept_place = np.empty((0, 0, 4), dtype=np.int64)
 
 
@@ -113,11 +110,7 @@ class WearSystem:
             width = max(width, int((equations.max(axis=1) - low).max()))
         self.width = width
         for group in self.groups:
-            kept_equation = self.equation[group.nodes[:, group.plan.kept]]
-            one = kept_equation[:, group.pairs[:, 0]]
-            two = kept_equation[:, group.pairs[:, 1]]
-            rows = one[..., [0, 0, 1, 1]]
-            columns = two[..., [0, 1, 0, 1]]
+            rows, columns = group.kept_entries(self.equation)
             high, low = np.maximum(rows, columns), np.minimum(rows, columns)
             place = low * (width + 1) + high - low
             place[low < 0] = -1
@@ -138,7 +131,7 @@ class WearSystem:
                 q,
                 x,
                 group.nodes,
-                len(group.facets),
+                group.count,
                 self.mesh.template.elements,
                 group.gradients,
                 group.areas,
@@ -160,7 +153,7 @@ class WearSystem:
                 jet.first,
                 jet.second,
                 group.nodes,
-                len(group.facets),
+                group.count,
                 self.mesh.template.elements,
                 group.gradients,
                 group.areas,
@@ -208,11 +201,7 @@ class WearSystem:
         # What was eliminated counts as well (Haynsworth 1968): the condensed matrix alone can be
         # positive definite where the tangent is not. A projected one has no negative part.
         definite = definite and (
-            projected
-            or not any(
-                negative_pivots(group.store, group.plan.pivot, len(group.facets))
-                for group in self.groups
-            )
+            projected or not any(group.negative_pivots() for group in self.groups)
         )
         return force, definite
 
@@ -227,42 +216,14 @@ class WearSystem:
         condensed = np.zeros_like(residual)
         condensed[self.kept_nodes] = residual[self.kept_nodes]
         for group in self.groups:
-            plan = group.plan
-            reduce_block(
-                residual,
-                group.nodes,
-                group.sign,
-                len(group.facets),
-                plan.order,
-                plan.start,
-                plan.rows,
-                plan.column,
-                plan.kept,
-                group.store,
-                group.carried,
-                condensed,
-            )
+            group.reduce(residual, condensed)
         free = self.equation >= 0
         right = np.zeros(self.size)
         right[self.equation[free]] = condensed[free]
         answer = self.solve_kept(right)
         solution = np.where(free, answer[self.equation], 0.0)
         for group in self.groups:
-            plan = group.plan
-            expand_block(
-                group.nodes,
-                group.sign,
-                len(group.facets),
-                plan.order,
-                plan.start,
-                plan.rows,
-                plan.column,
-                plan.pivot,
-                plan.kept,
-                group.store,
-                group.carried,
-                solution,
-            )
+            group.expand(solution)
         return solution
 
 

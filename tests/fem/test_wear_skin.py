@@ -152,6 +152,23 @@ def test_friction_holds_every_node_within_coulombs_cone() -> None:
     assert tangential[free & (pressed < 0)].max(initial=0) < 0.02 * tangential[carried].max()
 
 
+def test_friction_remembers_the_way() -> None:
+    # Bent too far and back, the skin ends where it does when it is bent at once; the patch does
+    # not, for it slid on the way and is held where it slid to.
+    cut_map = CutMap.uniform(0.6, 0.6, 3, 2, PITCH)
+    way = [_nodes_of(Cylinder(30.0, 1 + part / 3, 1 + part), 6, 6) for part in (0.1, 0.2, 0.5)]
+    near, middle, far = (NodeSpline.of(nodes, PITCH) for nodes in way)
+    spec = WearSpec(6, friction=0.5)
+    straight, back = (
+        wear_patch(cut_map, middle, (15.0, 10.0), spec, path=path)
+        for path in ([near, middle], [near, middle, far, middle])
+    )
+    assert straight.reason is None
+    assert back.reason is None
+    apart = np.abs(back.corner_q_mm - straight.corner_q_mm).max()
+    assert apart > 0.01
+
+
 def test_friction_lies_between_sliding_and_sticking() -> None:
     cut_map = CutMap.uniform(0.6, 0.6, 3, 2, PITCH)
     rest = _nodes_of(Cylinder(30.0), 6, 6)

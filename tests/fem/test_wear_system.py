@@ -99,6 +99,9 @@ def test_friction_is_the_gradient_of_its_potential() -> None:
     # Far beyond the creep the drag is Coulomb's limit, against the slip.
     far = Drag(np.zeros((1, 2)), np.array([2.0]), np.eye(2)[None])
     np.testing.assert_allclose(far.gradient(np.array([[30.0, 40.0]])), [[1.2, 1.6]], rtol=1e-5)
+    # At a twentieth of a millimetre it is the limit over the root of two.
+    near = far.gradient(np.array([[0.03, 0.04]]))
+    np.testing.assert_allclose(near, np.array([[1.2, 1.6]]) / np.sqrt(2), rtol=1e-12)
 
 
 def test_a_tangent_made_positive_goes_downhill_from_afar() -> None:
