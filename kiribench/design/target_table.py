@@ -41,6 +41,8 @@ THICKNESS_MM = 2.0
 
 _MOST_FAULTS = 20
 _MOST_CELLS = 10_000
+_MOST_IN_ALL = 100_000
+_SIDES = ("left", "right", "none", "")
 _STRAINS = ("longitudinal_strain", "poisson_ratio", "lateral_strain")
 _STRETCHES = ("longitudinal_stretch", "lateral_stretch")
 _RANGES = {
@@ -115,6 +117,15 @@ def read_targets(
     names = [name for name in (*_STRAINS, *_STRETCHES) if name in frame.columns]
     numbers, cells = _numbers(frame, names, path)
     shape = (1 + max(r for r, _ in cells), 1 + max(c for _, c in cells))
+    if shape[0] * shape[1] > _MOST_IN_ALL:
+        raise TableError(
+            "targets-too-many",
+            "The rows and columns that the table names span more cells than any patch has.",
+            remedy="Look for a wrong number in row or col.",
+            file=path,
+            got=f"{shape[0]} x {shape[1]} cells, {len(cells)} of them given",
+            expected=f"at most {_MOST_IN_ALL} cells",
+        )
     arrays = {name: np.full(shape, np.nan) for name in (*_STRAINS, *_STRETCHES)}
     given = np.zeros(shape, dtype=bool)
     at = tuple(np.array(cells).T)
@@ -139,6 +150,8 @@ def read_targets(
         cell, notes = _cell_edge(sidecar, cell_mm, path)
     if not given.all():
         notes.append(f"{int((~given).sum())} cells have no row: they are filled from neighbours.")
+    if known.any() and float(np.median(arrays["longitudinal_strain"][known])) > 1:
+        notes.append("Most targets ask for more than 100 % strain: strains are fractions.")
     if layout is not None and not {"Grid", "Patch"} & set(sidecar):
         notes.append(
             f"The rows are taken as the drawn grid of {shape[0]} x {shape[1]} cells, the patch of "
@@ -147,7 +160,7 @@ def read_targets(
     beside = path.with_suffix(".json")
     return TargetTable(
         participant=_participant(sidecar, measurement, path),
-        side=str(sidecar.get("Side", "") or ""),
+        side=_side(sidecar.get("Side"), path),
         cell_mm=cell,
         thickness_mm=_positive(
             sidecar.get("ThicknessMm", layout.patch.thickness_mm if layout else THICKNESS_MM),
@@ -349,6 +362,20 @@ def _positive(value: Any, name: str, path: Path) -> float:
             got=value,
         )
     return float(value)
+
+
+def _side(value: Any, path: Path) -> str:
+    side = value.strip().lower() if isinstance(value, str) else value or ""
+    if side not in _SIDES:
+        raise TableError(
+            "targets-side",
+            "Side is neither left nor right: the patch of a left leg is drawn mirrored.",
+            remedy="Write left or right, or leave Side out.",
+            file=path.with_suffix(".json"),
+            got=short(str(value), 60),
+            expected="left, right",
+        )
+    return "" if side == "none" else str(side)
 
 
 def _participant(sidecar: dict[str, Any], measurement: dict[str, Any], path: Path) -> str:

@@ -174,3 +174,32 @@ def test_the_layout_comes_back_from_its_metadata() -> None:
     again = Layout.resolve(LayoutMetadata.model_validate(layout.as_metadata()))
     assert again.patch_offset == layout.patch_offset == (2, 3)
     assert again.regions == layout.regions and again.grid == layout.grid
+
+
+@pytest.mark.parametrize(("said", "side"), [("Left", "left"), ("none", ""), (None, "")])
+def test_sides_that_are_known(said: str | None, side: str, tmp_path: Path) -> None:
+    path = write(tmp_path / "t.tsv", PLAIN, StrainMeasure="log", Side=said)
+    assert problem_from_table(path).side == side
+
+
+@pytest.mark.parametrize("said", ["up", 5, ["left"], True])
+def test_a_side_that_is_none_is_refused(said: object, tmp_path: Path) -> None:
+    path = write(tmp_path / "t.tsv", PLAIN, StrainMeasure="log", Side=said)
+    with pytest.raises(TableError) as caught:
+        problem_from_table(path)
+    assert caught.value.code == "targets-side"
+
+
+def test_a_wrong_row_number_does_not_make_a_hundred_million_cells(tmp_path: Path) -> None:
+    lines = [*PLAIN, "9999\t9999\t0.2\t0.1"]
+    with pytest.raises(TableError) as caught:
+        problem_from_table(write(tmp_path / "t.tsv", lines, StrainMeasure="log"))
+    assert caught.value.code == "targets-too-many"
+
+
+def test_strains_in_small_percents_are_doubted(tmp_path: Path) -> None:
+    doubted = [PLAIN[0], "0\t0\t3\t0.1", "0\t1\t2\t0.1", "0\t2\tn/a\tn/a"]
+    asked = problem_from_table(write(tmp_path / "t.tsv", doubted, StrainMeasure="log"))
+    assert any("strains are fractions" in note for note in asked.notes)
+    asked = problem_from_table(write(tmp_path / "t.tsv", PLAIN, StrainMeasure="log"))
+    assert not any("strains are fractions" in note for note in asked.notes)
