@@ -8,7 +8,7 @@ positive definite shows itself there, and is made so (``projected``) away from e
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -242,6 +242,11 @@ _MOST_ITERATIONS = 60
 _RESIDUAL = 1e-10
 """Largest residual / (mu * cell edge): forces far below any that could move a node by 1e-6 mm."""
 _SMALLEST_STEP = 1.0 / 4096
+_SHORTER_STEPS = (0.5, 0.25)
+"""Parts of Newton's step with which it begins again where it got stuck."""
+_NEAR_END = 1e-4
+"""A step that promises less of the energy is Newton's own: it converges quadratically."""
+_STUCK = "no step lowers the energy"
 
 
 class Potential(Protocol):
@@ -261,8 +266,22 @@ def relax(system: WearSystem, start: FloatArray, other: Potential | None = None)
     """Minimise the energy from q (U, 2) by Newton's method with an energy line search.
 
     Where the tangent is not positive definite its negative parts are raised to zero, element
-    by element, so that every step goes downhill.
+    by element, so that every step goes downhill. A full step can leave an element all but
+    folded, from where no step leads on: then it begins again with steps of a part of Newton's.
     """
+    found = _descend(system, start, other, 1.0)
+    for longest in _SHORTER_STEPS:
+        if found.reason is None or not found.reason.startswith(_STUCK):
+            break
+        again = _descend(system, start, other, longest)
+        found = replace(again, iterations=found.iterations + again.iterations)
+    return found
+
+
+def _descend(
+    system: WearSystem, start: FloatArray, other: Potential | None, longest: float
+) -> Equilibrium:
+    """Newton's method of which no step is longer than a part of Newton's, but near the end."""
 
     def total(q: FloatArray) -> float:
         elastic = system.energy(q)
@@ -300,7 +319,9 @@ def relax(system: WearSystem, start: FloatArray, other: Potential | None = None)
             break
         step = -system.solve(residual)
         slope = float(np.sum(residual * step))
-        size, trial = 1.0, total(q + step)
+        # Near the end, where a full step promises little, it is Newton's own again.
+        size = 1.0 if -slope < _NEAR_END * abs(energy) else longest
+        trial = total(q + size * step)
         while not trial <= energy + 1e-4 * size * slope + noise:
             size *= 0.5
             if size < _SMALLEST_STEP:
@@ -308,8 +329,7 @@ def relax(system: WearSystem, start: FloatArray, other: Potential | None = None)
             trial = total(q + size * step)
         if size < _SMALLEST_STEP:
             reason = (
-                f"no step lowers the energy; the largest residual is {worst / tolerance:.1e} "
-                "times the tolerance"
+                f"{_STUCK}; the largest residual is {worst / tolerance:.1e} times the tolerance"
             )
             break
         q, energy = q + size * step, trial

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import Any
+
 import numpy as np
 import pytest
 from curved_skins import Quadric, Sphere
 
 from kiribench.fem import wear_system
-from kiribench.fem.surface_map import Plane, SurfaceMap
+from kiribench.fem.surface_map import Cylinder, Plane, SurfaceMap
+from kiribench.fem.wear import WearSpec, wear_patch
 from kiribench.fem.wear_friction import Drag
 from kiribench.fem.wear_mesh import PatchMesh, facet_points, facet_template, mesh_patch
 from kiribench.fem.wear_system import WearSystem, relax
@@ -183,3 +187,33 @@ def test_what_the_condensation_hides_is_not_called_positive_definite() -> None:
     _, definite = system.linearise(jet, extra=extra)
     assert np.isfinite(system.solve_kept(np.ones(system.size))).all()
     assert not definite
+
+
+def test_where_newton_gets_stuck_it_begins_again_with_shorter_steps(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    cuts = np.random.default_rng(3).uniform(0.3, 0.8, (2, 2, 2))
+    design, skin = CutMap(cuts[0], cuts[1], 15.0), Cylinder(30.0, 1.05, 1.3)
+    plain = wear_patch(design, skin, (0.0, 0.0), WearSpec(6))
+    descend, tried, accepted = wear_system._descend, [], [0.0]
+
+    def stuck(system: Any, start: Any, other: Any, longest: float) -> Any:
+        found = descend(system, start, other, longest)
+        tried.append((longest, found.iterations))
+        if longest > accepted[0]:
+            return replace(found, reason="no step lowers the energy; the largest residual is 1")
+        return found
+
+    monkeypatch.setattr(wear_system, "_descend", stuck)
+    for shortest, parts in ((0.5, [1.0, 0.5]), (0.25, [1.0, 0.5, 0.25])):
+        tried.clear()
+        accepted[0] = shortest
+        again = wear_patch(design, skin, (0.0, 0.0), WearSpec(6))
+        assert again.status == "ok" and [part for part, _ in tried] == parts
+        # Shorter steps are more of them, to the same equilibrium.
+        assert [count for _, count in tried] == sorted(count for _, count in tried)
+        assert again.newton_iterations == sum(count for _, count in tried)
+        assert again.corner_q_mm == pytest.approx(plain.corner_q_mm, abs=1e-8)
+    accepted[0] = 0.0
+    lost = wear_patch(design, skin, (0.0, 0.0), WearSpec(6))
+    assert lost.status == "not-converged" and "no step lowers" in str(lost.reason)
