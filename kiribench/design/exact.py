@@ -3,7 +3,7 @@
 Smallest ``a^2 + b^2`` over ``0 <= a, b <= longest`` subject to
 ``|nu(a, b) - target| <= tolerance``. Where no cuts at all will not do, the straight way from there
 to the answer ends where it first meets the tolerance: on the curve ``nu = target - tolerance`` if
-nu without cuts is lower, else on ``nu = target + tolerance``. Bicubic patches through a 2 % grid
+nu without cuts is lower, else on ``nu = target + tolerance``. Bicubic patches through a coarse grid
 show every branch of that curve, islands between the grid's points included; from each crossing of
 the grid near the nearest one a compiled walk goes to a locally nearest point, and Newton's method
 on the surrogate itself (sequential quadratic programming, the bounds as an active set) ends it.
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from kiribench.design.box_newton import minimise_in_box
 from kiribench.design.level import shortest_on_level
-from kiribench.design.patch_search import WORSE, rough_ends
+from kiribench.design.patch_search import rough_ends
 from kiribench.design.patchwork import Patchwork
 from kiribench.design.reachable import Reachable, axis, extremes, reachable, starts_of
 from kiribench.design.response import Jet, Response
@@ -28,7 +28,9 @@ IntArray = NDArray[np.int64]
 
 STARTS = 12  # local minima of the penalised objective on the grid, a cell
 BLOCK = 500  # cells at a time
+WORSE = 0.03  # of the cell edge: ends that much farther out than the nearest are not begun from
 ON_CURVE = 1e-10  # of Poisson's ratio
+SLOPE_AT_BOUND = 1e-6  # more than that holds an extreme at its bound
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,8 +91,9 @@ def _least_cuts(
     level = target - side * tolerance
     start, cell, peaks, peak_cell = rough_ends(patches, level, side)
     peaks, height = extremes(response, some[peak_cell], -side[peak_cell], peaks, high)
-    above = side[peak_cell] * (height - level[peak_cell]) >= 0.0
-    start = np.concatenate([start, peaks[above]])
+    above = np.flatnonzero(side[peak_cell] * (height - level[peak_cell]) > 0.0)
+    islands = _near_side(response, some, peak_cell[above], peaks[above], level, high)
+    start = np.concatenate([start, islands])
     cell = np.concatenate([cell, peak_cell[above]])
     ends, gap = shortest_on_level(response, start, some[cell], level[cell], high)
     # What lies between the curves is admissible wherever it was found.
@@ -105,6 +108,33 @@ def _least_cuts(
     first = _first_of_each(owner, (every**2).sum(axis=1))
     cuts[owner[first]] = every[first]
     return cuts, span
+
+
+def _near_side(
+    response: Response,
+    some: IntArray,
+    cell: IntArray,
+    peaks: FloatArray,
+    level: FloatArray,
+    high: float,
+) -> FloatArray:
+    """(k, 2) the places nearest to the origin of small islands about extremes beyond their level.
+
+    On an extreme itself Newton's method has no slope to begin with. To second order the island is
+    the ellipse ``d' H d = 2 h``, h beyond the level; a variable held at its bound stays.
+    """
+    at = response.jet(peaks, some[cell])
+    beyond = at.value - level[cell]
+    held = ((peaks <= 0.0) | (peaks >= high)) & (np.abs(at.slope) > SLOPE_AT_BOUND)
+    towards = np.where(held, 0.0, peaks)
+    h = np.where(held[:, :, None] | held[:, None, :], np.eye(2), at.curvature)
+    values, vectors = np.linalg.eigh(h)
+    values = np.maximum(np.abs(values), SLOPE_AT_BOUND)
+    turned = np.einsum("kij,ki->kj", vectors, towards) / values
+    shift = np.where(held, 0.0, np.einsum("kij,kj->ki", vectors, turned))
+    size = np.maximum((towards * shift).sum(axis=1), 1e-300)
+    far = np.sqrt(2.0 * np.abs(beyond) / size)
+    return np.asarray(np.clip(peaks - shift * far[:, None], 0.0, high))
 
 
 def _first_of_each(owner: IntArray, value: FloatArray) -> IntArray:

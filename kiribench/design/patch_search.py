@@ -20,7 +20,7 @@ IntArray = NDArray[np.int64]
 
 BELOW_GRID = 0.02
 """By how much an extreme may exceed the nearest grid point: half the curvature (up to some 100 for
-Poisson's ratio) times the square of half the grid's diagonal (.014)."""
+Poisson's ratio) times the square of half the grid's diagonal (.018)."""
 
 ROUGH_VALUE = 5e-4
 """Of the response: by how much extremes of the patches may be off."""
@@ -28,8 +28,10 @@ ROUGH_VALUE = 5e-4
 ROUGH_PLACE = 2e-3
 """Of the cell edge: by how much ends on the patches may be off."""
 
-WORSE = 0.03
-"""Of the cell edge: a start that much farther out than the best cannot win."""
+WORSE = 0.005
+"""Of the cell edge: a crossing of the grid's edges is at most so much farther out than the end of
+its branch, half a step along the circle about the origin (.0125^2 / 2 r for r > .02); what comes
+nearer than by a slope is looked for within the squares."""
 
 APART = 1e-4
 """Of the cell edge: ends nearer to each other are one."""
@@ -111,7 +113,7 @@ def _ends(
     n, count = nodes.shape[0], nodes.shape[1]
     ends, cell = np.empty((_MOST * n, 2)), np.empty(_MOST * n, dtype=np.int64)
     peaks, peak_cell = np.empty((_MOST * n, 2)), np.empty(_MOST * n, dtype=np.int64)
-    found = peaked = 0
+    found, peaked = 0, 0
     mine, size = np.empty((_MOST, 2)), np.empty(_MOST)
     tops, height = np.empty((_MOST, 2)), np.empty(_MOST)
     starts, far = np.empty((2 * count * count, 2)), np.empty(2 * count * count)
@@ -119,10 +121,17 @@ def _ends(
         if side[k] == 0.0:
             continue
         begun = _crossings(nodes[k], step, level[k], starts, far)
-        best = far[:begun].min() if begun else np.inf
         kept = 0
+        nearest = np.inf
+        if begun:
+            # The nearest crossing first: what lies much farther out than its end cannot win.
+            first = far[:begun].argmin()
+            x, y, gap = _walk(nodes[k], step, level[k], starts[first, 0], starts[first, 1])
+            nearest = far[first]
+            if gap <= _ARRIVED:
+                nearest = min(nearest, math.hypot(x, y))
         for m in range(begun):
-            if far[m] <= best + WORSE and kept < _MOST:
+            if far[m] <= nearest + worse + WORSE and kept < _MOST:
                 x, y, gap = _walk(nodes[k], step, level[k], starts[m, 0], starts[m, 1])
                 if gap <= _ARRIVED:
                     kept = _add(mine, size, kept, x, y, math.hypot(x, y))
@@ -166,16 +175,19 @@ def _between(
     count, topped = nodes.shape[0], 0
     nearest = size[:kept].min() if kept else np.inf
     stack = np.empty((4 * _HALVINGS + 4, 3))
+    reach = np.empty((count, count))  # the largest of a node's control points, or more
+    for i in range(count):
+        for j in range(count):
+            f = nodes[i, j]
+            bend = (abs(f[1]) + abs(f[2])) / 3.0 + abs(f[3]) / 9.0
+            reach[i, j] = side * (f[0] - level) + bend
     for i in range(count - 1):
         for j in range(count - 1):
             if math.hypot(i, j) * step >= nearest - NEARER:
                 break
-            rough = -np.inf
-            for p in range(2):
-                for q in range(2):
-                    f = nodes[i + p, j + q]
-                    bend = (abs(f[1]) + abs(f[2])) / 3.0 + abs(f[3]) / 9.0
-                    rough = max(rough, side * (f[0] - level) + bend)
+            rough = max(
+                max(reach[i, j], reach[i, j + 1]), max(reach[i + 1, j], reach[i + 1, j + 1])
+            )
             if rough < -ROUGH_VALUE:
                 continue
             stack[0] = i * step, j * step, step

@@ -1,7 +1,7 @@
 """A response on a grid as bicubic patches: what the search walks on before the last steps.
 
 Hermite patches with slopes by differences of fourth order, so that a point costs 16 numbers
-instead of one correlation a design of the table. With steps of 2 % they err by some 1e-5 of
+instead of one correlation a design of the table. With steps of 2.5 % they err by some 1e-5 of
 Poisson's ratio: no answer, but a start from which Newton's method on the surrogate itself needs
 two or three steps.
 """

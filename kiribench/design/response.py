@@ -106,7 +106,3 @@ class KernelResponse:
         """Value and derivatives at (k, 2) points, each of its own cell (k,) or of all in order."""
         which = np.arange(len(points)) if cells is None else cells
         return Jet(*self.part.jets(points, self.weights, which))
-
-    def gradient(self, points: FloatArray, cells: IntArray | None = None) -> Jet:
-        """The same; the curvature costs next to nothing."""
-        return self.jet(points, cells)

@@ -79,14 +79,14 @@ def test_minima_of_quadratics_within_the_box() -> None:
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_an_island_between_the_grids_points_is_found(sign: float) -> None:
-    # A peak of 1 at (.27, .33), half-way between points where it is .98; the level is .99.
-    width = 0.0141 / np.sqrt(-2 * np.log(0.98))
-    peak = sign * np.exp(-0.5 * ((A - 0.27) ** 2 + (B - 0.33) ** 2) / width**2)
+    # A peak of 1 half-way between points of the grid, where it is .98; the level is .99.
+    centre = np.array([10.5, 13.5]) * TICKS[1]
+    width = TICKS[1] * np.sqrt(0.5) / np.sqrt(-2 * np.log(0.98))
+    peak = sign * np.exp(-0.5 * ((A - centre[0]) ** 2 + (B - centre[1]) ** 2) / width**2)
     patches = Patchwork.of(TICKS, peak[None])
     assert np.abs(peak).max() < 0.985
     ends, cell, _, _ = rough_ends(patches, np.array([sign * 0.99]), np.array([sign]))
     radius = width * np.sqrt(-2 * np.log(0.99))
-    centre = np.array([0.27, 0.33])
     assert cell.tolist() == [0]
     np.testing.assert_allclose(ends[0], centre * (1 - radius / np.hypot(*centre)), atol=1e-3)
     points, _, which = rough_extremes(patches)
@@ -94,8 +94,8 @@ def test_an_island_between_the_grids_points_is_found(sign: float) -> None:
 
 
 def test_a_tongue_between_the_grids_lines_is_followed_to_its_tip() -> None:
-    # A ridge along a = .33, .008 wide, that rises with b: lines of the grid are .01 away.
-    ridge = 0.2 * B + 0.02 * np.exp(-0.5 * ((A - 0.33) / 0.012) ** 2)
+    # A ridge that rises with b along a line half-way between two of the grid.
+    ridge = 0.2 * B + 0.02 * np.exp(-0.5 * ((A / TICKS[1] - 5.5) / 0.6) ** 2)
     patches = Patchwork.of(TICKS, ridge[None])
     level = 0.2 * 0.5 + 0.02
     shown = ridge >= level

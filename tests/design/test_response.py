@@ -41,9 +41,6 @@ def test_it_is_the_models_mean(model: str) -> None:
 def test_derivatives_against_finite_differences(model: str) -> None:
     response = KernelResponse.of(surrogates(model).poisson, STRAIN)
     at, step = response.jet(POINTS), 1e-4
-    without = response.gradient(POINTS)
-    np.testing.assert_allclose(without.value, at.value, rtol=1e-13)
-    np.testing.assert_allclose(without.slope, at.slope, rtol=1e-10, atol=1e-12)
     for axis in range(2):
         shift = step * np.eye(2)[axis]
         ahead, behind = response.jet(POINTS + shift), response.jet(POINTS - shift)
