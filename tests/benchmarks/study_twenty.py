@@ -229,7 +229,16 @@ def posed(folder: Path, count: int, only: tuple[str, ...]) -> None:
                 lines.append("\t".join([label, str(index), name, *words]))
         with path.open("a", encoding="utf-8") as table:
             table.write("\n".join(lines) + "\n")
-        print(f"{label}: {count} poses", flush=True)
+        slides = ", ".join(f"{name} {slide(model, table):.2f}" for name, table in tables.items())
+        print(f"{label}: {count} poses; corners slide / offset across: {slides}", flush=True)
+
+
+def slide(model: KneeModel, design: PatchDesign) -> float:
+    """rms way of the corners for an offset across of half a millimetre, over that offset."""
+    cuts = CutMap(design.a, design.b, design.cell_mm)
+    there = model.worn(cuts, POSE_ELEMENTS, offset_mm=(0.5, 0.0)).corner_q_mm
+    way = there - model.worn(cuts, POSE_ELEMENTS).corner_q_mm
+    return float(np.sqrt((way**2).sum(axis=-1).mean()) / 0.5)
 
 
 def carried(model: KneeModel, pose: Pose) -> np.ndarray:
