@@ -52,7 +52,8 @@ def tensile(
     from kiribench.cli.progress import progress
     from kiribench.errors import UsageError
     from kiribench.strain.measures import check_min_strain
-    from kiribench.tensile.measure import MeasureOptions, measure_frames
+    from kiribench.tensile.followed import MeasureOptions
+    from kiribench.tensile.measure import measure_frames
     from kiribench.tensile.overlay import overlays, write_overlays
     from kiribench.tensile.sidecar import read_sidecar
     from kiribench.tensile.tables import write_tensile

@@ -9,7 +9,6 @@ passed over.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,23 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kiribench.errors import Fault, MeshError
+from kiribench.surface import obj_state as slots
 from kiribench.surface.files import regular_file
 from kiribench.surface.mesh import FloatArray, IntArray
 from kiribench.surface.mtl import texture_of
+from kiribench.surface.obj_blocks import BLOCK_BYTES, blocks, count_lines
 
-BLOCK_BYTES = 1 << 22
-LONGEST_LINE_BYTES = 1 << 26
 _MOST_NAMES = 256
-_BYTE_ORDER_MARK = b"\xef\xbb\xbf"
-_NOT_TEXT = {
-    b"\xff\xfe": "UTF-16 text",
-    b"\xfe\xff": "UTF-16 text",
-    b"\x1f\x8b": "a gzip archive",
-    b"PK\x03\x04": "a zip archive",
-    b"ply\n": "a PLY file",
-    b"ply\r": "a PLY file",
-    b"glTF": "a binary glTF file",
-}
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,39 +61,39 @@ def read_obj(path: Path, *, block_bytes: int = BLOCK_BYTES) -> ObjContent:
             ``obj-mixed-corners``, ``obj-not-text``, ``obj-line-too-long``,
             ``obj-truncated``; or ``obj-no-vertices``, ``obj-no-faces``.
     """
-    from kiribench.surface import obj_kernels as kernels
+    from kiribench.surface.obj_kernels import parse
 
     regular_file(path)
-    lines = _count_lines(path)
+    lines = count_lines(path)
     # Pages of these arrays that are never written to take no memory.
     xyz = np.empty((lines, 3))
     rgb = np.empty((lines, 3), dtype=np.float32)
     uv = np.empty((lines, 2))
     faces = np.empty((lines, 3), dtype=np.int32)
     face_uv = np.empty((lines, 3), dtype=np.int32)
-    state = np.zeros(kernels.STATE_SIZE, dtype=np.int64)
-    state[[kernels.FORWARD, kernels.FORWARD_UV]] = -1
+    state = np.zeros(slots.STATE_SIZE, dtype=np.int64)
+    state[[slots.FORWARD, slots.FORWARD_UV]] = -1
     names = _Names()
     ends_in_newline = True
-    for block, size in _blocks(path, block_bytes):
+    for block, size in blocks(path, block_bytes):
         start = 0
-        state[kernels.NAMES] = 0
+        state[slots.NAMES] = 0
         while True:
-            start = kernels.parse(block, start, size, state, xyz, rgb, uv, faces, face_uv)
-            if state[kernels.ERROR] != kernels.FULL:
+            start = parse(block, start, size, state, xyz, rgb, uv, faces, face_uv)
+            if state[slots.ERROR] != slots.FULL:
                 break
-            state[kernels.ERROR] = kernels.OK
-            if max(int(state[kernels.VERTICES]), int(state[kernels.UVS])) >= lines:
+            state[slots.ERROR] = slots.OK
+            if max(int(state[slots.VERTICES]), int(state[slots.UVS])) >= lines:
                 raise _changed(path)
             # More triangles than lines: polygons. (resize moves pages, it does not copy.)
             faces.resize((2 * len(faces) + size, 3), refcheck=False)
             face_uv.resize(faces.shape, refcheck=False)
         _raise_if_failed(path, state, block, size)
-        if state[kernels.NAMES]:
+        if state[slots.NAMES]:
             names.collect(block, size)
         ends_in_newline = bool(block[size - 1] in (10, 13))
     vertices, uvs, triangles = (
-        int(state[slot]) for slot in (kernels.VERTICES, kernels.UVS, kernels.TRIANGLES)
+        int(state[slot]) for slot in (slots.VERTICES, slots.UVS, slots.TRIANGLES)
     )
     if vertices == 0:
         raise MeshError(
@@ -121,8 +110,8 @@ def read_obj(path: Path, *, block_bytes: int = BLOCK_BYTES) -> ObjContent:
             file=path,
         )
     for largest, line, count, what in (
-        (kernels.FORWARD, kernels.FORWARD_LINE, vertices, "vertices"),
-        (kernels.FORWARD_UV, kernels.FORWARD_UV_LINE, uvs, "texture coordinates"),
+        (slots.FORWARD, slots.FORWARD_LINE, vertices, "vertices"),
+        (slots.FORWARD_UV, slots.FORWARD_UV_LINE, uvs, "texture coordinates"),
     ):
         if state[largest] >= count:
             raise _out_of_range(path, int(state[line]), str(state[largest] + 1), count, what)
@@ -130,15 +119,15 @@ def read_obj(path: Path, *, block_bytes: int = BLOCK_BYTES) -> ObjContent:
     uv.resize((uvs, 2), refcheck=False)
     faces.resize((triangles, 3), refcheck=False)
     face_uv.resize((triangles, 3), refcheck=False)
-    coloured = int(state[kernels.COLOURED])
+    coloured = int(state[slots.COLOURED])
     rgb.resize((vertices if coloured else 0, 3), refcheck=False)
-    rgb[: int(state[kernels.FIRST_COLOURED])] = np.nan
-    if not ends_in_newline and int(state[kernels.LAST_ITEM]) == ord("f"):
-        _refuse_cut_last_face(path, xyz, faces, int(state[kernels.FACE_LINE]))
+    rgb[: int(state[slots.FIRST_COLOURED])] = np.nan
+    if not ends_in_newline and int(state[slots.LAST_ITEM]) == ord("f"):
+        _refuse_cut_last_face(path, xyz, faces, int(state[slots.FACE_LINE]))
     faults: list[Fault] = []
     texture, texture_faults = texture_of(path, names.libraries, names.materials)
     faults += texture_faults
-    bare = int(state[kernels.BARE])
+    bare = int(state[slots.BARE])
     textured = uvs > 0 and bare < triangles
     if textured and bare:
         face_uv[face_uv < 0] = uvs
@@ -174,96 +163,6 @@ def _changed(path: Path) -> MeshError:
     )
 
 
-def _count_lines(path: Path) -> int:
-    """An upper bound on the number of text lines: the line ends of either kind, and one."""
-    buffer = np.empty(1 << 20, dtype=np.uint8)
-    lines = 1
-    with path.open("rb", buffering=0) as stream:
-        while got := stream.readinto(buffer.data):
-            lines += int(np.count_nonzero(buffer[:got] == 10))
-            lines += int(np.count_nonzero(buffer[:got] == 13))
-    return lines
-
-
-def _blocks(path: Path, block_bytes: int) -> Iterator[tuple[NDArray[np.uint8], int]]:
-    """The file as runs of whole lines in one reused buffer, padded: (buffer, length)."""
-    from kiribench.surface.obj_kernels import PADDING
-
-    storage = np.full(block_bytes + PADDING, 10, dtype=np.uint8)
-    buffer = storage[:block_bytes]
-    kept = 0
-    first = True
-    with path.open("rb", buffering=0) as stream:
-        while True:
-            got = stream.readinto(buffer[kept:].data) or 0
-            size = kept + got
-            if first and got:
-                _refuse_other_formats(path, bytes(buffer[:4]))
-                if bytes(buffer[:3]) == _BYTE_ORDER_MARK:
-                    buffer[:3] = 32
-                first = False
-            if got == 0:
-                if size:
-                    buffer[size:] = 10
-                    yield storage, size
-                return
-            cut = _last_whole_line(buffer, size)
-            if cut == 0:
-                if size < len(buffer):
-                    kept = size
-                    continue
-                if len(buffer) >= LONGEST_LINE_BYTES:
-                    raise MeshError(
-                        "obj-line-too-long",
-                        f"A line is longer than {LONGEST_LINE_BYTES >> 20} MiB.",
-                        remedy="This is no OBJ text file; export the scan again.",
-                        file=path,
-                    )
-                larger = np.full(2 * len(buffer) + PADDING, 10, dtype=np.uint8)
-                larger[:size] = buffer
-                storage, buffer = larger, larger[:-PADDING]
-                kept = size
-                continue
-            yield storage, cut
-            rest = buffer[cut:size].copy()
-            buffer[: len(rest)] = rest
-            kept = len(rest)
-
-
-def _last_whole_line(buffer: NDArray[np.uint8], size: int) -> int:
-    """Length of the longest run of whole lines at the buffer's start (0 if there is none)."""
-    view = buffer[:size].data
-    data = bytes(view[max(0, size - 65536) : size])
-    base = size - len(data)
-    while True:
-        at = len(data)
-        while (at := data.rfind(b"\n", 0, at)) >= 0:
-            before = data[max(0, at - 2) : at]
-            if not (before.endswith(b"\\") or before == b"\\\r"):
-                return base + at + 1
-        # Carriage returns alone end the lines of some old files; the last byte may be half
-        # of a pair.
-        at = len(data) - 1
-        while data.find(b"\n") < 0 and (at := data.rfind(b"\r", 0, at)) >= 0:
-            if data[at - 1 : at] != b"\\":
-                return base + at + 1
-        if base == 0:
-            return 0
-        data = bytes(view[:size])
-        base = 0
-
-
-def _refuse_other_formats(path: Path, start: bytes) -> None:
-    for magic, what in _NOT_TEXT.items():
-        if start.startswith(magic):
-            raise MeshError(
-                "obj-not-text",
-                f"The file is called .obj but is {what}.",
-                remedy="Export it as OBJ text (UTF-8), or give it the right ending.",
-                file=path,
-            )
-
-
 class _Names:
     """The material libraries and materials that the file names, in order, once each."""
 
@@ -290,51 +189,49 @@ class _Names:
 def _raise_if_failed(
     path: Path, state: NDArray[np.int64], block: NDArray[np.uint8], size: int
 ) -> None:
-    from kiribench.surface import obj_kernels as kernels
-
-    code = int(state[kernels.ERROR])
-    if code == kernels.OK:
+    code = int(state[slots.ERROR])
+    if code == slots.OK:
         return
-    row = int(state[kernels.ERROR_LINE])
-    at = int(state[kernels.ERROR_AT])
+    row = int(state[slots.ERROR_LINE])
+    at = int(state[slots.ERROR_AT])
     if (block[:size] == 0).any():
-        code = kernels.BINARY
+        code = slots.BINARY
     token = bytes(block[at : min(at + 24, size)]).split(maxsplit=1)
     got = repr(token[0].decode("utf-8", errors="replace")) if token else "the line's end"
-    if code == kernels.OUT_OF_RANGE:
-        raise _out_of_range(path, row, got, int(state[kernels.VERTICES]), "vertices")
+    if code == slots.OUT_OF_RANGE:
+        raise _out_of_range(path, row, got, int(state[slots.VERTICES]), "vertices")
     name, what, expected, remedy = {
-        kernels.BAD_NUMBER: (
+        slots.BAD_NUMBER: (
             "obj-bad-number",
             "This is no number.",
             "a decimal number with a point",
             "Export with a decimal point (English number format).",
         ),
-        kernels.FEW_COORDINATES: (
+        slots.FEW_COORDINATES: (
             "obj-few-coordinates",
             "The vertex has too few coordinates.",
             "three numbers after v, one or two after vt",
             "The file is cut off or damaged here; export it again.",
         ),
-        kernels.BAD_CORNER: (
+        slots.BAD_CORNER: (
             "obj-bad-corner",
             "This is no corner of a face.",
             "v, v/vt, v//vn or v/vt/vn with whole numbers",
             "The file is damaged here; export it again.",
         ),
-        kernels.FEW_CORNERS: (
+        slots.FEW_CORNERS: (
             "obj-few-corners",
             "The face has fewer than three corners.",
             "three corners or more",
             "The file is cut off or damaged here; export it again.",
         ),
-        kernels.MIXED_CORNERS: (
+        slots.MIXED_CORNERS: (
             "obj-mixed-corners",
             "Some corners of the face have texture coordinates and some have none.",
             "the same form for every corner of a face",
             "The file is cut off or damaged here; export it again.",
         ),
-        kernels.BINARY: (
+        slots.BINARY: (
             "obj-not-text",
             "The file holds binary data.",
             "OBJ text",

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from kiribench.tensile.measure import MeasureOptions, measure_frames
+from kiribench.tensile.followed import MeasureOptions
+from kiribench.tensile.measure import measure_frames
 from kiribench.tensile.result import MEASURED, STATES, Curve, TensileTest
 from kiribench.tensile.tables import read_tensile, write_tensile
 

@@ -196,7 +196,7 @@ def test_line_numbers_count_what_an_editor_shows(
 
 
 def test_endless_line_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("kiribench.surface.obj.LONGEST_LINE_BYTES", 4096)
+    monkeypatch.setattr("kiribench.surface.obj_blocks.LONGEST_LINE_BYTES", 4096)
     with pytest.raises(MeshError) as caught:
         read(tmp_path, SQUARE + "#" * 20000, block_bytes=512)
     assert caught.value.code == "obj-line-too-long"
