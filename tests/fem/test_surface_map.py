@@ -80,6 +80,14 @@ def test_gauss_curvature_of_plane_cylinder_and_sphere() -> None:
     assert np.abs(Plane(1.2, 0.9, 0.1).at(q).gauss_curvature).max() == 0
     assert np.abs(Cylinder(30.0).at(q).gauss_curvature).max() < 1e-15
     np.testing.assert_allclose(Sphere(50.0).at(q).gauss_curvature, 50.0**-2, rtol=1e-12)
+    # Of a twisted graph z(x, y): (z_xx z_yy - z_xy^2) / (1 + |grad z|^2)^2.
+    x, y = 1.1 * q.T
+    slope = (0.01 * x + 0.015 * y) ** 2 + (-0.02 * y + 0.015 * x) ** 2
+    np.testing.assert_allclose(
+        Quadric(0.01, -0.02, 1.1, 0.015).at(q).gauss_curvature,
+        (-0.01 * 0.02 - 0.015**2) / (1 + slope) ** 2,
+        rtol=1e-12,
+    )
     nodes = sphere_nodes(50.0, 9, 9, 10.0)
     spline = NodeSpline.of(nodes, 10.0).at(q + 40)
     np.testing.assert_allclose(spline.gauss_curvature, 50.0**-2, rtol=SPLINE_CURVATURE)
