@@ -92,7 +92,7 @@ def design_text(result: Designed) -> str:
         words = REASONS.get(code, _missing(code))
         if result.on_skin is not None:
             words = "No target of its own; its cuts follow from the corners of the patch."
-        lines.append(f"  {count} cells {code}: {words}")
+        lines.append(f"  {count} cell{'s' * (count != 1)} {code}: {words}")
     lines += [f"  {note}" for note in told["notes"]]
     lines.append("  Verdict: " + _verdict(told))
     return "\n".join(lines)

@@ -27,7 +27,7 @@ def read_designs(words: str) -> tuple[tuple[Design, ...], tuple[Path, ...]]:
     if words.strip() == "paper":
         return paper_designs(), ()
     path = Path(words)
-    if path.suffix.lower() in (".csv", ".tsv", ".parquet", ".pq") or path.is_file():
+    if path.suffix.lower() in (".csv", ".tsv", ".parquet", ".pq") or _is_file(path):
         return _designs_of(path), (path,)
     found = []
     for pair in filter(None, (part.strip() for part in words.split(";"))):
@@ -51,6 +51,13 @@ def read_designs(words: str) -> tuple[tuple[Design, ...], tuple[Path, ...]]:
             got=words,
         )
     return tuple(found), ()
+
+
+def _is_file(path: Path) -> bool:
+    try:
+        return path.is_file()
+    except OSError:  # many pairs make words too long for the name of a file
+        return False
 
 
 def _designs_of(path: Path) -> tuple[Design, ...]:

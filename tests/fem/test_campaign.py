@@ -362,6 +362,8 @@ def test_steps_that_do_not_lead_away_from_rest(model: str, steps: tuple[float, .
 def test_designs(tmp_path: Path) -> None:
     assert read_designs("35,85; 90,90;")[0] == (Design(35, 85), Design(90, 90))
     assert len(read_designs("paper")[0]) == 441
+    many = ";".join(["61.7,73.4"] * 900)  # longer than the name of any file may be
+    assert read_designs(many)[0] == (Design(61.7, 73.4),) * 900
     table = tmp_path / "designs.csv"
     table.write_text("name,a_percent,b_percent\nx,35,85\ny,12.5,0\n")
     assert read_designs(str(table)) == ((Design(35, 85), Design(12.5, 0)), (table,))
@@ -373,6 +375,7 @@ def test_designs(tmp_path: Path) -> None:
         ("35", "designs-words"),
         ("35,85,1", "designs-words"),
         ("a,b", "designs-words"),
+        ("a" * 9000, "designs-words"),
         ("0.35,0.85", "cut-lengths-are-fractions"),
         ("35,100", "cut-length-range"),
         ("-1,50", "cut-length-range"),

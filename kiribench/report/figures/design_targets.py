@@ -41,7 +41,7 @@ def targets_figure(
     """
     with drawing():
         figure = canvas(640, 400)
-        axes = figure.add_axes((0.1, 0.13, 0.87, 0.84))
+        axes = figure.add_axes((0.1, 0.13, 0.87, 0.79))
         axes.fill_between(*band, color="#eef3f7", linewidth=0, label="within reach")
         for x, y in curves:
             axes.plot(x, y, color="#9aa9b5", linewidth=0.6)
@@ -63,7 +63,9 @@ def targets_figure(
         axes.set_ylim(low - 0.08, high + 0.08)
         axes.set_xlabel(f"longitudinal strain ({measure})")
         axes.set_ylabel(f"Poisson's ratio ν ({measure})")
-        axes.legend(loc="lower right", fontsize=9, frameon=True, edgecolor=LINE)
+        axes.legend(
+            loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, fontsize=9, frameon=False
+        )  # above the axes: anywhere within it hides a star of some patch
         _plain(axes)
         return inline_svg(
             figure, name, f"{len(nu)} targets over the curves of {len(curves)} cut patterns"
