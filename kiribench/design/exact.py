@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from kiribench.design.box_newton import minimise_in_box
 from kiribench.design.level import shortest_on_level
-from kiribench.design.patch_search import rough_ends
+from kiribench.design.patch_search import ROUGH_VALUE, rough_ends
 from kiribench.design.patchwork import Patchwork
 from kiribench.design.reachable import Reachable, axis, extremes, reachable, starts_of
 from kiribench.design.response import Jet, Response
@@ -91,10 +91,14 @@ def _least_cuts(
     level = target - side * tolerance
     start, cell, peaks, peak_cell = rough_ends(patches, level, side)
     peaks, height = extremes(response, some[peak_cell], -side[peak_cell], peaks, high)
-    above = np.flatnonzero(side[peak_cell] * (height - level[peak_cell]) > 0.0)
-    islands = _near_side(response, some, peak_cell[above], peaks[above], level, high)
-    start = np.concatenate([start, islands])
-    cell = np.concatenate([cell, peak_cell[above]])
+    above = side[peak_cell] * (height - level[peak_cell]) > 0.0
+    # And where little of the cell's own extreme is beyond the level.
+    left = np.where(side > 0, span.high - level, level - span.low)
+    last = np.flatnonzero((side != 0.0) & (left > 0.0) & (left <= ROUGH_VALUE))
+    tops = np.where((side > 0)[:, None], span.at_high, span.at_low)[last]
+    tops, of_top = np.concatenate([peaks[above], tops]), np.concatenate([peak_cell[above], last])
+    start = np.concatenate([start, _near_side(response, some, of_top, tops, level, high)])
+    cell = np.concatenate([cell, of_top])
     ends, gap = shortest_on_level(response, start, some[cell], level[cell], high)
     # What lies between the curves is admissible wherever it was found.
     cells = np.flatnonzero(open_)

@@ -98,6 +98,23 @@ def _extremes(nodes: FloatArray, step: float) -> tuple[FloatArray, IntArray, Flo
                         x, y, v = _descend(nodes[k], step, s, i * step, j * step)
                         kept = _add(mine, value, kept, x, y, v)
             least = value[:kept].min()
+            # Squares whose control points go below the least so far: ridges between the nodes.
+            for i in range(count - 1):
+                for j in range(count - 1):
+                    low = np.inf
+                    for p in range(2):
+                        for q in range(2):
+                            f = nodes[k, i + p, j + q]
+                            bend = (abs(f[1]) + abs(f[2])) / 3.0 + abs(f[3]) / 9.0
+                            low = min(low, s * f[0] - bend)
+                    if low < least and kept < _MOST:
+                        x, y = i * step, j * step
+                        bound, _, _, _ = _bound(nodes[k], step, s * least, -s, x, y, step)
+                        if bound > 0.0:
+                            x, y = x + 0.5 * step, y + 0.5 * step
+                            x, y, v = _descend(nodes[k], step, s, x, y)
+                            kept = _add(mine, value, kept, x, y, v)
+                            least = min(least, v)
             for m in range(kept):
                 if value[m] <= least + ROUGH_VALUE:
                     points[found] = mine[m]

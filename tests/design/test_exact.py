@@ -128,8 +128,8 @@ def _against_brute_force(response: KernelResponse, target: np.ndarray, step: flo
     high, tolerance = 0.9, 0.005
     found = least_cuts(response, target, high, tolerance)
     least, low, top = _brute(response, target, high, tolerance, step)
-    assert (found.reachable.low <= low + 1e-12).all()
-    assert (found.reachable.high >= top - 1e-12).all()
+    assert (found.reachable.low <= low + ON_TARGET).all()
+    assert (found.reachable.high >= top - ON_TARGET).all()
     distance = found.reachable.distance(target)
     error = np.abs(response.jet(found.cuts).value - target)
     assert (error <= np.maximum(tolerance, distance) + ON_TARGET).all()
