@@ -11,8 +11,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from kiribench.design.box_newton import CONVERGED, NOTICED, SMALL_STEP, box_step
-from kiribench.design.level import level_step
+from kiribench.design.box_newton import NOTICED, box_step
+from kiribench.design.patch_walk import descend, towards_origin, walk
 from kiribench.design.patchwork import Patchwork, patch_jet, patch_jet_in
 
 FloatArray = NDArray[np.float64]
@@ -41,10 +41,7 @@ NEARER = 5e-4
 
 _MOST = 64  # ends a cell
 _HALVINGS = 3  # of a square of the grid
-_ITERATIONS = 40
 _ARRIVED = 1e-6  # of the response
-_SETTLED = 1e-6  # of the cell edge: a step that ends a walk
-_LONGEST_STEP = 0.05
 
 
 def rough_extremes(patches: Patchwork) -> tuple[FloatArray, IntArray, FloatArray]:
@@ -95,7 +92,7 @@ def _extremes(nodes: FloatArray, step: float) -> tuple[FloatArray, IntArray, Flo
                 for j in range(count):
                     near = s * nodes[k, i, j, 0] <= low + BELOW_GRID
                     if near and kept < _MOST and _is_lowest(nodes[k], i, j, s):
-                        x, y, v = _descend(nodes[k], step, s, i * step, j * step)
+                        x, y, v = descend(nodes[k], step, s, i * step, j * step)
                         kept = _add(mine, value, kept, x, y, v)
             least = value[:kept].min()
             # Squares whose control points go below the least so far: ridges between the nodes.
@@ -107,12 +104,12 @@ def _extremes(nodes: FloatArray, step: float) -> tuple[FloatArray, IntArray, Flo
                             f = nodes[k, i + p, j + q]
                             bend = (abs(f[1]) + abs(f[2])) / 3.0 + abs(f[3]) / 9.0
                             low = min(low, s * f[0] - bend)
-                    if low < least and kept < _MOST:
+                    if low < least - NOTICED and kept < _MOST:
                         x, y = i * step, j * step
                         bound, _, _, _ = _bound(nodes[k], step, s * least, -s, x, y, step)
-                        if bound > 0.0:
+                        if bound > NOTICED:
                             x, y = x + 0.5 * step, y + 0.5 * step
-                            x, y, v = _descend(nodes[k], step, s, x, y)
+                            x, y, v = descend(nodes[k], step, s, x, y)
                             kept = _add(mine, value, kept, x, y, v)
                             least = min(least, v)
             for m in range(kept):
@@ -143,13 +140,13 @@ def _ends(
         if begun:
             # The nearest crossing first: what lies much farther out than its end cannot win.
             first = far[:begun].argmin()
-            x, y, gap = _walk(nodes[k], step, level[k], starts[first, 0], starts[first, 1])
+            x, y, gap = walk(nodes[k], step, level[k], starts[first, 0], starts[first, 1])
             nearest = far[first]
             if gap <= _ARRIVED:
                 nearest = min(nearest, math.hypot(x, y))
         for m in range(begun):
             if far[m] <= nearest + worse + WORSE and kept < _MOST:
-                x, y, gap = _walk(nodes[k], step, level[k], starts[m, 0], starts[m, 1])
+                x, y, gap = walk(nodes[k], step, level[k], starts[m, 0], starts[m, 1])
                 if gap <= _ARRIVED:
                     kept = _add(mine, size, kept, x, y, math.hypot(x, y))
         kept, topped = _between(nodes[k], step, level[k], side[k], mine, size, kept, tops, height)
@@ -222,20 +219,20 @@ def _between(
                     continue
                 if there >= 0.0 and math.hypot(at_x, at_y) < nearest:
                     # A place beyond the level that is nearer than every end: there is a better.
-                    at_x, at_y = _towards_origin(nodes, step, level, side, at_x, at_y)
+                    at_x, at_y = towards_origin(nodes, step, level, side, at_x, at_y)
                 elif (bound < 0.0 or not whole) and _levels_off(nodes, step, side, x, y, edge):
-                    at_x, at_y, top = _descend(nodes, step, -side, x + 0.5 * edge, y + 0.5 * edge)
+                    at_x, at_y, top = descend(nodes, step, -side, x + 0.5 * edge, y + 0.5 * edge)
                     there = -top - side * level
                     if abs(there) <= ROUGH_VALUE and topped < _MOST:
                         topped = _add(tops, height, topped, at_x, at_y, there)
                     if there > 0.0 and math.hypot(at_x, at_y) < nearest:
-                        at_x, at_y = _towards_origin(nodes, step, level, side, at_x, at_y)
+                        at_x, at_y = towards_origin(nodes, step, level, side, at_x, at_y)
                     else:
                         there = -1.0
                 else:
                     there = -1.0
                 if there >= 0.0 and kept < _MOST:
-                    at_x, at_y, gap = _walk(nodes, step, level, at_x, at_y)
+                    at_x, at_y, gap = walk(nodes, step, level, at_x, at_y)
                     if gap <= _ARRIVED:
                         kept = _add(ends, size, kept, at_x, at_y, math.hypot(at_x, at_y))
                         nearest = min(nearest, math.hypot(at_x, at_y))
@@ -338,72 +335,3 @@ def _add(points: FloatArray, value: FloatArray, kept: int, x: float, y: float, v
     points[kept] = x, y
     value[kept] = v
     return kept + 1
-
-
-@njit(cache=True, error_model="numpy")
-def _descend(
-    nodes: FloatArray, step: float, sign: float, x: float, y: float
-) -> tuple[float, float, float]:
-    """A local minimum of ``sign * response`` on the patches, and its value; projected Newton."""
-    high = step * (nodes.shape[0] - 1)
-    radius = _LONGEST_STEP
-    f, gx, gy, hxx, hxy, hyy = patch_jet(nodes, step, x, y)
-    for _ in range(_ITERATIONS):
-        dx, dy, pull = box_step(
-            x, y, sign * gx, sign * gy, sign * hxx, sign * hxy, sign * hyy, high
-        )
-        length = math.hypot(dx, dy)
-        if pull <= CONVERGED or pull * length <= NOTICED:
-            break
-        share = min(1.0, radius / length)
-        p = min(max(x + share * dx, 0.0), high)
-        q = min(max(y + share * dy, 0.0), high)
-        new = patch_jet(nodes, step, p, q)
-        if sign * new[0] < sign * f:
-            x, y = p, q
-            f, gx, gy, hxx, hxy, hyy = new
-            radius = min(2.0 * radius, _LONGEST_STEP)
-            if length <= SMALL_STEP:
-                break
-        else:
-            radius /= 4.0
-            if radius <= SMALL_STEP:
-                break
-    return x, y, sign * f
-
-
-@njit(cache=True, error_model="numpy")
-def _walk(
-    nodes: FloatArray, step: float, level: float, x: float, y: float
-) -> tuple[float, float, float]:
-    """The nearest point of a level curve on the patches, and by how much it misses the level."""
-    high = step * (nodes.shape[0] - 1)
-    for _ in range(_ITERATIONS):
-        f, gx, gy, hxx, hxy, hyy = patch_jet(nodes, step, x, y)
-        x, y, moved = level_step(x, y, f - level, gx, gy, hxx, hxy, hyy, high)
-        if moved <= _SETTLED:
-            break
-    return x, y, abs(patch_jet(nodes, step, x, y)[0] - level)
-
-
-@njit(cache=True, error_model="numpy")
-def _towards_origin(
-    nodes: FloatArray, step: float, level: float, side: float, x: float, y: float
-) -> tuple[float, float]:
-    """From a point beyond its level straight towards the origin, to just before the level."""
-    far = math.hypot(x, y)
-    inside, outside = 1.0, 0.0
-    share = 1.0
-    while share > 0.0:  # to the first crossing: no farther than an island is wide
-        share -= 0.1 * step / far
-        if side * (patch_jet(nodes, step, share * x, share * y)[0] - level) < 0.0:
-            outside = share
-            break
-        inside = share
-    for _ in range(30):
-        middle = 0.5 * (inside + outside)
-        if side * (patch_jet(nodes, step, middle * x, middle * y)[0] - level) < 0.0:
-            outside = middle
-        else:
-            inside = middle
-    return inside * x, inside * y
