@@ -208,7 +208,10 @@ def verdict(result: CvResult, checks: tuple[CheckResult, ...]) -> str:
     """The outcome in one sentence or two."""
     count = sum(one.found.status == "fired" and one.severity == "error" for one in checks)
     warned = sum(one.found.status == "fired" and one.severity == "warning" for one in checks)
-    tail = f"{count} errors and {warned} warnings among {len(checks)} checks."
+    tail = (
+        f"{count} error{'s' * (count != 1)} and {warned} warning{'s' * (warned != 1)} "
+        f"among {len(checks)} checks."
+    )
     ranking = result.rankings.get(HEADLINE)
     if ranking is None or not ranking.places:
         return f"No headline: the grouped protocol gave no ranking. {tail}"

@@ -119,8 +119,8 @@ def _sentences(
         verdict = "is reached by" if abs(one.gap) <= NEAR else "is not reached; nearest is"
         said.append(
             f"{row}, {one.paper_r2:.4f} in the paper: {verdict} {one.model} under {one.protocol} "
-            f"({one.r2:.4f}); over all settings and splits tried ours runs from {low:.4f} to "
-            f"{high:.4f}."
+            f"({one.r2:.4f}); over all settings and ten-fold splits tried ours runs from {low:.4f} "
+            f"to {high:.4f}."
         )
     said += _of_split(matches)
     if joint:
@@ -156,8 +156,8 @@ def _of_split(matches: list[Match]) -> list[str]:
         lowest = min(fitting, key=lambda m: m.r2)
         above = lowest.r2 > PAPER_R2[row] + NEAR
         words = (
-            f"{row} with settings that can fit never falls to {PAPER_R2[row]:.4f} under any split "
-            f"(lowest {lowest.r2:.4f}, {lowest.protocol})"
+            f"{row} with settings that can fit never falls to {PAPER_R2[row]:.4f} under any "
+            f"ten-fold split (lowest {lowest.r2:.4f}, {lowest.protocol})"
             if above
             else f"{row} with settings that can fit falls to {lowest.r2:.4f} under "
             f"{lowest.protocol}, which is not above {PAPER_R2[row]:.4f}"
