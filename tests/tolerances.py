@@ -306,6 +306,14 @@ WEAR_TIP_STRETCH = 3e-4
 """Fraction: quarter-point elements take a quadratic field at their nodes only; in between its
 slope, .001 / mm, errs by a part of what it changes over half a millimetre."""
 
+WEAR_TIP_PLACE = 1e-4
+"""Stretch: in a field whose stretch grows by .01 / mm it tells the place of a point to .01 mm; a
+slanted line of nodes beside a tip adds the square of a shear of .01, found 5e-5."""
+
+REST_STRAIN = 0.1
+"""Fraction: largest strain of a sheet of bilinear quads of 1.25 mm against that of the cubic spline
+through its sites, which lie 5 mm apart; found .08."""
+
 # --- calibration ---
 
 PARAMETER_ROUNDING = 1e-5

@@ -207,6 +207,35 @@ def test_a_slit_that_turns_shut_overlaps_where_it_does() -> None:
     assert face_overlap(mesh, Plane().at(q)).max() == 0.0
 
 
+def test_every_cut_is_watched_by_the_two_facets_beside_it() -> None:
+    # One face of one half-cut after the other is pushed through the opposite one, on a skin
+    # whose axes are not at right angles: the depth is told across the cut.
+    cut_map = CutMap.uniform(0.6, 0.5, 2, 2, 15.0)
+    mesh = mesh_patch(cut_map, 8, 2)
+    slant, push = 0.4, 0.2
+    cuts = cut_map.half_cuts()
+    for (q, p), way, length in zip(cuts.site, cuts.direction, cuts.length_mm, strict=True):
+        if way[0] != 0:
+            column = q if way[0] > 0 else q - 1
+            beside, into, depth = [(p - 1, column), (p, column)], [0.0, -push], push
+        else:
+            row = p if way[1] > 0 else p - 1
+            beside, into = [(row, q - 1), (row, q)], [-push, 0.0]
+            depth = push / np.hypot(1, slant)
+        one, other = (mesh.nodes[4 * i + j] for i, j in beside)
+        face = np.setdiff1d(other, one)
+        from_site = mesh.points_mm[face] - 7.5 * np.array([q, p])
+        ahead = from_site @ way
+        aside = np.abs(from_site - ahead[:, None] * way).max(axis=1)
+        face = face[(aside < 1e-9) & (ahead > 1e-9) & (ahead < length - 1e-9)]
+        moved = mesh.points_mm.copy()
+        moved[face] += into
+        found = face_overlap(mesh, Plane(1.0, 1.0, slant).at(moved))
+        told = np.zeros((4, 4))
+        told[tuple(np.transpose(beside))] = depth
+        np.testing.assert_allclose(found, told, atol=0.01 * push)
+
+
 def test_a_slit_under_compression_overlaps_by_what_it_opens_under_tension() -> None:
     # A slit of length 2c in a sheet opens by 4 c sigma / E in its middle (Westergaard), and
     # overlaps by as much under compression, where nothing holds its faces apart.

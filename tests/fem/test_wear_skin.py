@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from curved_skins import knee_nodes, sphere_nodes
-from tolerances import ANGLE_DEFECT, REST_SPHERE_MM
+from tolerances import ANGLE_DEFECT, REST_SPHERE_MM, REST_STRAIN
 
 from kiribench.errors import NodesError
 from kiribench.fem.surface_map import Cylinder, NodeSpline, Plane
@@ -80,6 +80,21 @@ def test_a_rest_map_lays_a_patch_flat_on_skin_that_its_grid_misstates() -> None:
     assert by_map.energy_mj < 1e-10 < 1e-4 < by_grid.energy_mj
 
 
+def test_the_largest_strain_of_a_rest_map_is_that_of_the_map() -> None:
+    cut_map = CutMap.uniform(0.5, 0.5, 2, 2, PITCH)
+    skin = NodeSpline.of(sphere_nodes(60.0, 9, 9, PITCH), PITCH)
+    laid = rest_map(skin, cut_map, (30.0, 30.0))
+    # From places on the skin alone, by differences, at a grid of points.
+    along = np.linspace(0, 20, 41)
+    points = np.stack(np.meshgrid(along, along), axis=-1).reshape(-1, 2)
+    ways = [
+        (skin.at(laid.at(points + way)).x - skin.at(laid.at(points - way)).x) / 2e-4
+        for way in 1e-4 * np.eye(2)
+    ]
+    stretch = np.linalg.svd(np.stack(ways, axis=-1), compute_uv=False)
+    assert laid.largest_strain == pytest.approx(np.abs(stretch - 1).max(), rel=REST_STRAIN)
+
+
 def test_which_skin_needs_a_rest_map_and_which_is_refused() -> None:
     cut_map = CutMap.uniform(0.5, 0.5, 4, 4, PITCH)
     assert rest_of_skin(_nodes_of(Cylinder(50.0), 7, 7), PITCH, cut_map, (10, 10)) is None
@@ -120,6 +135,24 @@ def test_the_way_of_the_skin_is_isometric_where_the_pose_only_bends() -> None:
         np.linalg.norm(pose.reshape(-1, 3)[:, None] - pose.reshape(-1, 3)[None], axis=2),
         atol=1e-9,
     )
+
+
+def test_the_way_of_the_skin_stretches_and_turns_evenly() -> None:
+    rest = _nodes_of(Plane(), 5, 6)
+    pose = _nodes_of(Plane(1.2, 1.6), 5, 6)
+    for step, skin in enumerate(skin_path(rest, pose, PITCH, steps=4), 1):
+        nodes = skin.at(rest.reshape(-1, 3)[:, :2]).x.reshape(5, 6, 3)
+        across, along = (np.linalg.norm(np.diff(nodes, axis=k), axis=2) for k in (1, 0))
+        np.testing.assert_allclose(across, PITCH * (1 + 0.05 * step), rtol=1e-9)
+        np.testing.assert_allclose(along, PITCH * (1 + 0.15 * step), rtol=1e-9)
+    # A plane that is rolled has a curvature that grows evenly.
+    path = skin_path(rest, _nodes_of(Cylinder(40.0), 5, 6), PITCH, steps=4)
+    for step, skin in enumerate(path, 1):
+        nodes = skin.at(rest.reshape(-1, 3)[:, :2]).x.reshape(5, 6, 3)
+        edges = np.diff(nodes[2], axis=0)
+        edges /= np.linalg.norm(edges, axis=1, keepdims=True)
+        turns = np.arccos(np.sum(edges[1:] * edges[:-1], axis=1))
+        assert turns.mean() == pytest.approx(step / 4 * PITCH / 40.0, rel=0.01)
 
 
 def test_friction_holds_every_node_within_coulombs_cone() -> None:

@@ -171,6 +171,17 @@ def test_faces_part_and_ligaments_hold() -> None:
             here = np.flatnonzero((np.abs(x - 5 * p) < 1e-9) & (np.abs(y - 5 * q) < 1e-9))
             assert len(here) == 2
             np.testing.assert_array_equal(count[here], 2)
+    # So has every place on a half-cut up to its tip; the tip and the ligament have one.
+    cuts = mesh.cut_map.half_cuts()
+    for (q, p), way, length in zip(cuts.site, cuts.direction, cuts.length_mm, strict=True):
+        from_site = mesh.points_mm - 5.0 * np.array([q, p])
+        ahead = from_site @ way
+        on = np.abs(from_site - ahead[:, None] * way).max(axis=1) < 1e-9
+        places, nodes = np.unique(np.round(ahead[on], 9), return_counts=True)
+        inside = (places > 1e-9) & (places < 5 - 1e-9)
+        expected = np.where(places < length - 1e-9, 2, 1)
+        np.testing.assert_array_equal(nodes[inside], expected[inside])
+        assert np.count_nonzero(inside & (expected == 2)) > 0
 
 
 def test_what_the_condensation_hides_is_not_called_positive_definite() -> None:
