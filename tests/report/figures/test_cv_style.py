@@ -38,6 +38,12 @@ def test_tick_numbers_are_numbers() -> None:
         assert expected in found
 
 
+def test_models_close_to_each_other_have_numbers_beside_them() -> None:
+    points = {"gp": (0.231, 0.00475), "gp_kronecker": (0.32, 0.00264)}
+    svg = time_figure(points, marks=marks_of(list(points)), unit=None, name="y", alt="y")
+    assert {"0.2", "0.5", "0.002", "0.005"} <= texts(str(svg))
+
+
 def test_a_lattice_of_uneven_levels_is_a_map_without_overlaps() -> None:
     """Tiles meet half-way between the levels; 95 and 99 % stand beside each other."""
     levels = np.array([1.0, 50.0, 95.0, 99.0])
