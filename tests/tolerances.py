@@ -407,8 +407,8 @@ BALANCED_SUM = 1e-5
 at changes of 1e-8 of theirs, after hundreds of small steps."""
 
 STRAIN_TABLE = 2e-3
-"""Fraction of the range: cubic splines with 61 nodes an axis. The stand-in's process is rougher than
-those of the shipped tables (1e-4 at most there)."""
+"""Fraction of the range: cubic splines with 61 nodes an axis. The stand-in's process is rougher
+than those of the shipped tables (1e-4 at most there)."""
 
 # --- designs checked as worn ---
 

@@ -159,7 +159,7 @@ def _balanced(cells: Cells) -> Designed:
     known = np.isfinite(uneven)
     rms = float(np.sqrt(np.mean(uneven[known] ** 2))) if known.any() else 0.0
     options = cells.options
-    notes = [f"Cells in series carry the same force to {100 * rms:.1f} % rms."]
+    notes = []
     if not found.converged:
         notes.append(
             f"The search did not come to rest in {found.steps} steps: targets, forces and "

@@ -219,8 +219,12 @@ def put_on(
     if worn.status != "ok":
         raise NotConvergedError(
             "check-not-converged",
-            f"The worn patch of the design '{design.method}' has no equilibrium: {worn.reason}.",
-            remedy="Try another mesh (--elements-per-facet) or shorter cuts.",
+            f"The patch of the design '{design.method}', {ground.kind}, has no equilibrium: "
+            f"{worn.reason}.",
+            remedy="Try another mesh (--elements-per-facet) or shorter cuts."
+            if ground.kind == "worn"
+            else "Look for targets that no neighbours can follow together; --pull RATIO pulls the "
+            "patch evenly instead. Or try another mesh (--elements-per-facet) or shorter cuts.",
             file=design.file,
         )
     return worn

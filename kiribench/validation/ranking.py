@@ -15,7 +15,8 @@ from kiribench.validation.table import CvTable
 LEVEL = 0.05
 EQUIVALENT = 0.95
 MESH_SHARE = 0.1  # half width of the ROPE in mesh errors
-SD_SHARE = 0.01  # and, without mesh error, in standard deviations of the targets
+SD_SHARE = 0.01  # and, without mesh error, in standard deviations of the targets,
+BEST_SHARE = 0.1  # but no more than this share of the best model's error
 
 
 @dataclass(frozen=True)
@@ -62,10 +63,12 @@ class Ranking:
         return self.places[0].model if self.places else None
 
 
-def rope_of(table: CvTable) -> float:
+def rope_of(table: CvTable, best_rmse: float) -> float:
     """A difference in RMSE that nobody would act on, unit of the target."""
     unit = table.mesh_error_rms
-    return SD_SHARE * float(table.y.std()) if unit is None else MESH_SHARE * unit
+    if unit is not None:
+        return MESH_SHARE * unit
+    return min(SD_SHARE * float(table.y.std()), BEST_SHARE * best_rmse)
 
 
 def rank(table: CvTable, folds: tuple[Fold, ...], summaries: dict[str, Summary]) -> Ranking:
@@ -85,7 +88,7 @@ def rank(table: CvTable, folds: tuple[Fold, ...], summaries: dict[str, Summary])
     }
     ranked = {name: one for name, one in summaries.items() if name not in unranked}
     if not ranked:
-        return Ranking(protocol, 0, rope_of(table), (), unranked)
+        return Ranking(protocol, 0, rope_of(table, 0.0), (), unranked)
     common = [
         name
         for name in next(iter(ranked.values())).fold_names
@@ -98,7 +101,8 @@ def rank(table: CvTable, folds: tuple[Fold, ...], summaries: dict[str, Summary])
         for name, one in ranked.items()
     }
     order = sorted(errors, key=lambda name: float(errors[name].mean()))
-    best, rope = order[0], rope_of(table)
+    best = order[0]
+    rope = rope_of(table, float(errors[best].mean()))
     ratio = float(np.mean([len(by_name[fold].test) / len(by_name[fold].train) for fold in common]))
     if len(common) < 2:
         places = tuple(
