@@ -68,6 +68,7 @@ def predict(
         strain_measure = strain_measure or declared
     else:
         rows = np.array([_point(text) for text in at or []])
+    _check_cuts(rows, points)
     kept = load(model, device=device)
     predicted = kept.predict(rows[:, 0], rows[:, 1], rows[:, 2], measure=strain_measure)
     table = _csv(rows, predicted)
@@ -120,6 +121,25 @@ def _point(text: str) -> list[float]:
             got=text,
         )
     return numbers
+
+
+def _check_cuts(rows: Any, file: Path | None) -> None:
+    """Refuse cut lengths that no sheet can have; between them a model may extrapolate."""
+    import numpy as np
+
+    from kiribench.errors import UsageError
+
+    wrong = np.flatnonzero(((rows[:, :2] < 0) | (rows[:, :2] >= 100)).any(axis=1))
+    if len(wrong):
+        a, b, _ = rows[wrong[0]].tolist()
+        raise UsageError(
+            "cut-length-range",
+            f"Point {wrong[0] + 1} of {len(rows)} has cuts that no sheet can have.",
+            remedy="Give percent of the cell edge; neighbouring cuts meet at 100.",
+            file=file,
+            got=f"a {a:g} %, b {b:g} %",
+            expected="0 <= length < 100",
+        )
 
 
 def _csv(rows: Any, predicted: Prediction) -> str:

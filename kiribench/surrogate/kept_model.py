@@ -81,8 +81,7 @@ class KeptModel:
             measure: what the caller believes the measure to be; checked if given.
 
         Raises:
-            UsageError: the measures differ, a number is not finite, or a cut is shorter than
-                nothing or reaches the next one (100 %).
+            UsageError: the measures differ, or a number is not finite.
         """
         if measure is not None and measure != self.measure:
             raise UsageError(
@@ -99,17 +98,6 @@ class KeptModel:
                 "point-not-finite",
                 "A point has a coordinate that is no finite number.",
                 remedy="Give three finite numbers a point: a_percent, b_percent, strain.",
-            )
-        cuts = points[:, :2]
-        wrong = np.flatnonzero(((cuts < 0) | (cuts >= 100)).any(axis=1))
-        if len(wrong):
-            a, b, _ = points[wrong[0]]
-            raise UsageError(
-                "cut-length-range",
-                f"There are no such cuts: point {wrong[0] + 1} of {len(points)}.",
-                remedy="Give percent of the cell edge; neighbouring cuts meet at 100.",
-                got=f"a {a:g} %, b {b:g} %",
-                expected="0 <= length < 100",
             )
         inside = np.asarray(((points >= self.low) & (points <= self.high)).all(axis=1))
         if spec(self.name).has_uncertainty:

@@ -88,6 +88,8 @@ def test_predict_writes_a_file(model: Path, tmp_path: Path) -> None:
     [
         (["--at", "1,2"], "point-not-three-numbers", 2),
         (["--at", "1,2,x"], "point-not-three-numbers", 2),
+        (["--at", "50,50,0.2", "--at", "120,50,0.2"], "cut-length-range", 2),
+        (["--at=-5,50,0.2"], "cut-length-range", 2),
         ([], "points-missing", 2),
         (["--at", "50,50,0.2", "--strain-measure", "green"], "strain-measure-mixed", 2),
     ],

@@ -205,14 +205,6 @@ def test_strain_measures_are_not_mixed_and_numbers_are_finite(model_file: Path) 
         kept.predict(50, float("nan"), 0.2)
 
 
-@pytest.mark.parametrize("cuts", [(-5.0, 50.0), (50.0, 120.0), (100.0, 0.0)])
-def test_cuts_that_do_not_exist_are_refused(model_file: Path, cuts: tuple[float, float]) -> None:
-    kept = load(model_file)
-    with pytest.raises(UsageError, match="point 2 of 2") as refused:
-        kept.predict([50.0, cuts[0]], [50.0, cuts[1]], 0.1)
-    assert refused.value.code == "cut-length-range"
-
-
 def test_extrapolation_is_marked(model_file: Path) -> None:
     inside = load(model_file).predict([50, 50, 2], [50, 50, 50], [0.3, 0.9, 0.3]).inside
     assert inside.tolist() == [True, False, False]
