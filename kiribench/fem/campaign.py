@@ -7,7 +7,8 @@ in the same folder, and ends with the table that an undisturbed one gives.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,7 +18,7 @@ import numpy as np
 from kiribench.errors import DataError, NotConvergedError, UsageError
 from kiribench.fem.campaign_piece import NUMBERS, Piece, read_piece, write_piece
 from kiribench.fem.campaign_settings import CampaignSettings, Design
-from kiribench.fem.campaign_workers import run_cluster, run_here, run_processes
+from kiribench.fem.campaign_workers import Pieces, run_cluster, run_here, run_processes
 from kiribench.fem.loadpath import OVERLAP_FLAG_MM
 from kiribench.schema.design_space_table import (
     DIGITS,
@@ -125,19 +126,20 @@ def run_campaign(
     missing = [design for design in designs if design not in found]
     resumed = len(found)
     progress(0, len(missing))
-    for done, content in enumerate(_work(settings, missing, jobs, scheduler), start=1):
-        piece = Piece.from_dict(content)
-        if piece.fingerprint != settings.fingerprint:
-            raise NotConvergedError(
-                "worker-version",
-                "A worker computes with another version of kiribench.",
-                remedy="Install the same version on all machines.",
-                got=piece.fingerprint,
-                expected=settings.fingerprint,
-            )
-        write_piece(pieces_at, piece)
-        found[piece.design] = piece
-        progress(done, len(missing))
+    with closing(_work(settings, missing, jobs, scheduler)) as work:
+        for done, content in enumerate(work, start=1):
+            piece = Piece.from_dict(content)
+            if piece.fingerprint != settings.fingerprint:
+                raise NotConvergedError(
+                    "worker-version",
+                    "A worker computes with another version of kiribench.",
+                    remedy="Install the same version on all machines.",
+                    got=piece.fingerprint,
+                    expected=settings.fingerprint,
+                )
+            write_piece(pieces_at, piece)
+            found[piece.design] = piece
+            progress(done, len(missing))
     pieces = tuple(found[design] for design in designs)
     table, sidecar = write_design_space(
         folder / TABLE_FILE, campaign_table(pieces), campaign_sidecar(settings, pieces)
@@ -147,9 +149,9 @@ def run_campaign(
 
 def _work(
     settings: CampaignSettings, designs: Sequence[Design], jobs: int, scheduler: str | None
-) -> Iterator[dict[str, Any]]:
+) -> Pieces:
     if not designs:
-        return iter(())
+        return run_here(settings, ())
     if scheduler is not None:
         return run_cluster(settings, designs, scheduler)
     if jobs == 1 or len(designs) == 1:

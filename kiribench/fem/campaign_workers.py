@@ -5,7 +5,7 @@ All give the finished designs one by one, as plain JSON objects, in any order.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Generator, Sequence
 from functools import partial
 from typing import Any
 
@@ -14,7 +14,7 @@ from kiribench.fem.campaign_piece import simulate_design
 from kiribench.fem.campaign_settings import CampaignSettings, Design
 from kiribench.processes import in_processes
 
-Pieces = Iterator[dict[str, Any]]
+Pieces = Generator[dict[str, Any], None, None]
 
 
 def run_here(settings: CampaignSettings, designs: Sequence[Design]) -> Pieces:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import re
 import warnings
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -124,28 +125,38 @@ def list_frames(folder: Path, declared: tuple[str, ...] | None) -> FrameList:
     return FrameList(tuple(path.name for path in paths), tuple(paths), usual, False, None, gaps)
 
 
-def decode(frames: FrameList) -> Iterator[Float32Array]:
+@contextmanager
+def decoded(frames: FrameList) -> Iterator[Iterator[Float32Array]]:
     """The frames one after the other, (h, w) brightness, 0..255; decoded ahead in a thread.
+
+    The thread, or the video, ends with the context. Left to the garbage collector it might end
+    within the start of another thread, which would wait for it for ever.
 
     Raises:
         DatasetError: ``frame-unreadable``: the picture or the video cannot be decoded.
     """
     if frames.video:
-        yield from _decode_video(frames)
+        with closing(_decode_video(frames)) as pictures:
+            yield pictures
         return
-    with ThreadPoolExecutor(1) as pool:
-        waiting: list[Future[Float32Array]] = []
-        paths = iter(frames.paths)
-        try:
-            for path in paths:
-                waiting.append(pool.submit(read_picture, path))
-                if len(waiting) >= _AHEAD:
-                    yield waiting.pop(0).result()
-            while waiting:
+    with ThreadPoolExecutor(1) as pool, closing(_decode_ahead(pool, frames.paths)) as pictures:
+        yield pictures
+
+
+def _decode_ahead(
+    pool: ThreadPoolExecutor, paths: Sequence[Path]
+) -> Generator[Float32Array, None, None]:
+    waiting: list[Future[Float32Array]] = []
+    try:
+        for path in paths:
+            waiting.append(pool.submit(read_picture, path))
+            if len(waiting) >= _AHEAD:
                 yield waiting.pop(0).result()
-        finally:
-            for future in waiting:
-                future.cancel()
+        while waiting:
+            yield waiting.pop(0).result()
+    finally:
+        for future in waiting:
+            future.cancel()
 
 
 def read_picture(path: Path) -> Float32Array:
@@ -347,7 +358,7 @@ def _video(path: Path) -> FrameList:
     return FrameList(names, (path,), size, True, rate if rate > 0 else None, ())
 
 
-def _decode_video(frames: FrameList) -> Iterator[Float32Array]:
+def _decode_video(frames: FrameList) -> Generator[Float32Array, None, None]:
     import cv2
 
     stream = cv2.VideoCapture(str(frames.paths[0]))

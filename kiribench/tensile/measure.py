@@ -15,7 +15,7 @@ from kiribench.tensile.cells import CellStates
 from kiribench.tensile.clock import LoadAtFrames, load_at_frames
 from kiribench.tensile.elements import Block
 from kiribench.tensile.followed import FollowedMarkers, FollowedSpeckle, MeasureOptions
-from kiribench.tensile.frames import FrameList, check_exposure, decode, list_frames
+from kiribench.tensile.frames import FrameList, check_exposure, decoded, list_frames
 from kiribench.tensile.order import check_order
 from kiribench.tensile.result import TensileTest
 from kiribench.tensile.shake import STAY, StillThings
@@ -64,32 +64,34 @@ def measure_frames(
     load = load_at_frames(folder, declared, frames, str(path))
     block = block_of(declared.cells, declared.pull)
     _check_block(block, frames, str(path))
-    pictures = decode(frames)
-    first = next(pictures)
-    box = _box(block)
-    share = check_exposure(first, box, frames.names[0], None)
-    kind: FollowedSpeckle | FollowedMarkers
-    if declared.marker == "speckle":
-        kind = FollowedSpeckle(first, block, declared, options, frames, str(path))
-    else:
-        kind = FollowedMarkers(first, block, declared, frames, str(path))
-    still = (
-        StillThings(first, declared.still_px, kind.view, str(path)) if declared.still_px else None
-    )
-    states, corner_px = [kind.at_rest()], [kind.corner_px_at_rest()]
-    shakes = [0.0]
-    if progress:
-        progress(1, len(frames.names))
-    for number, picture in enumerate(pictures, 1):
-        name = frames.names[number]
-        check_exposure(picture, _seen_box(corner_px[-1], box, picture.shape), name, share)
-        back, size = (STAY, 0.0) if still is None else still.back(picture)
-        shakes.append(size)
-        state, corners = kind.step(picture, back)
-        states.append(state)
-        corner_px.append(corners)
+    with decoded(frames) as pictures:
+        first = next(pictures)
+        box = _box(block)
+        share = check_exposure(first, box, frames.names[0], None)
+        kind: FollowedSpeckle | FollowedMarkers
+        if declared.marker == "speckle":
+            kind = FollowedSpeckle(first, block, declared, options, frames, str(path))
+        else:
+            kind = FollowedMarkers(first, block, declared, frames, str(path))
+        still = (
+            StillThings(first, declared.still_px, kind.view, str(path))
+            if declared.still_px
+            else None
+        )
+        states, corner_px = [kind.at_rest()], [kind.corner_px_at_rest()]
+        shakes = [0.0]
         if progress:
-            progress(number + 1, len(frames.names))
+            progress(1, len(frames.names))
+        for number, picture in enumerate(pictures, 1):
+            name = frames.names[number]
+            check_exposure(picture, _seen_box(corner_px[-1], box, picture.shape), name, share)
+            back, size = (STAY, 0.0) if still is None else still.back(picture)
+            shakes.append(size)
+            state, corners = kind.step(picture, back)
+            states.append(state)
+            corner_px.append(corners)
+            if progress:
+                progress(number + 1, len(frames.names))
     return _result(
         declared, path, frames, load, kind, states, np.array(corner_px), np.array(shakes)
     )

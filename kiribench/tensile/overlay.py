@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from kiribench.tensile.frames import FrameList, decode, list_frames, read_picture
+from kiribench.tensile.frames import FrameList, decoded, list_frames, read_picture
 from kiribench.tensile.result import MEASURED, TensileTest
 
 FloatArray = npt.NDArray[np.float64]
@@ -87,7 +87,8 @@ def _pictures(
 ) -> list[tuple[int, npt.NDArray[np.float32]]]:
     if not frames.video:
         return [(k, read_picture(frames.paths[k])) for k in wanted]
-    return [(k, picture) for k, picture in enumerate(decode(frames)) if k in wanted]
+    with decoded(frames) as pictures:
+        return [(k, picture) for k, picture in enumerate(pictures) if k in wanted]
 
 
 def write_overlays(folder: Path, drawn: list[tuple[str, UInt8Array]]) -> list[Path]:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Generator, Iterator
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -155,12 +155,13 @@ def _run(
     pieces = _pieces(table, settings, missing)
     if progress is not None:
         progress(len(outcomes), total)
-    for done in _work(pieces, jobs, scheduler):
-        for outcome in done:
-            store.write(outcome)
-            outcomes[outcome.protocol, outcome.model, outcome.fold] = outcome
-        if progress is not None:
-            progress(len(outcomes), total)
+    with closing(_work(pieces, jobs, scheduler)) as work:
+        for done in work:
+            for outcome in done:
+                store.write(outcome)
+                outcomes[outcome.protocol, outcome.model, outcome.fold] = outcome
+            if progress is not None:
+                progress(len(outcomes), total)
     summaries: dict[str, dict[str, Summary]] = {name: {} for name in planned.folds}
     for (name, model), folds in taking_part.items():
         listed = [outcomes[name, model, fold.name] for fold in folds]
@@ -244,7 +245,9 @@ def _pieces(
     return sorted(pieces, key=lambda piece: -seconds(piece))
 
 
-def _work(pieces: list[Piece], jobs: int, scheduler: str | None) -> Iterator[list[FoldOutcome]]:
+def _work(
+    pieces: list[Piece], jobs: int, scheduler: str | None
+) -> Generator[list[FoldOutcome], None, None]:
     """The outcomes of the pieces, in the order in which they are done."""
     if not pieces:
         return

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+import threading
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -173,6 +174,16 @@ def test_what_is_wrong_is_named(folder: Path, name: str) -> None:
         measure_frames(folder)
     assert code in {fault.code for fault in caught.value.faults}, str(caught.value)
     assert all(fault.remedy for fault in caught.value.faults)
+
+
+def test_a_refused_test_leaves_no_thread_behind(folder: Path) -> None:
+    before = set(threading.enumerate())
+    BAD["wrong target"][1](folder)
+    with pytest.raises(DataError) as caught:
+        measure_frames(folder)
+    # The error still holds the frames of the calls; what decodes has ended all the same.
+    assert caught.tb is not None
+    assert set(threading.enumerate()) <= before
 
 
 def test_all_bad_frames_are_named_at_once(folder: Path) -> None:
