@@ -22,9 +22,8 @@ def test_a_table_has_no_skin(tmp_path: Path) -> None:
         assert error.value.code == "design-needs-skin"
 
 
-def test_robust_needs_the_overlap() -> None:
+def test_methods_that_are_not_worn_are_refused() -> None:
     none: Any = None
-    for method in ("robust", "exact"):
-        with pytest.raises(UsageError) as error:
-            design_on_skin(method, none, none, none)
-        assert error.value.code == "method-unknown"
+    with pytest.raises(UsageError) as error:
+        design_on_skin("exact", none, none, none)
+    assert error.value.code == "method-unknown"
