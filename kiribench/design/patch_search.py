@@ -81,12 +81,15 @@ def _extremes(nodes: FloatArray, step: float) -> tuple[FloatArray, IntArray, Flo
     cell, sign = np.empty(2 * _MOST * n, dtype=np.int64), np.empty(2 * _MOST * n)
     found = 0
     mine, value = np.empty((_MOST, 2)), np.empty(_MOST)
+    reach = np.empty((count, count))  # the least of a node's control points, or less
     for k in range(n):
         for s in (1.0, -1.0):
             low = np.inf
             for i in range(count):
                 for j in range(count):
-                    low = min(low, s * nodes[k, i, j, 0])
+                    f = nodes[k, i, j]
+                    low = min(low, s * f[0])
+                    reach[i, j] = s * f[0] - (abs(f[1]) + abs(f[2])) / 3.0 - abs(f[3]) / 9.0
             kept = 0
             for i in range(count):
                 for j in range(count):
@@ -98,13 +101,10 @@ def _extremes(nodes: FloatArray, step: float) -> tuple[FloatArray, IntArray, Flo
             # Squares whose control points go below the least so far: ridges between the nodes.
             for i in range(count - 1):
                 for j in range(count - 1):
-                    low = np.inf
-                    for p in range(2):
-                        for q in range(2):
-                            f = nodes[k, i + p, j + q]
-                            bend = (abs(f[1]) + abs(f[2])) / 3.0 + abs(f[3]) / 9.0
-                            low = min(low, s * f[0] - bend)
-                    if low < least - NOTICED and kept < _MOST:
+                    rough = min(
+                        min(reach[i, j], reach[i, j + 1]), min(reach[i + 1, j], reach[i + 1, j + 1])
+                    )
+                    if rough < least - NOTICED and kept < _MOST:
                         x, y = i * step, j * step
                         bound, _, _, _ = _bound(nodes[k], step, s * least, -s, x, y, step)
                         if bound > NOTICED:
