@@ -142,7 +142,8 @@ def _skin_lines(told: dict[str, Any]) -> list[str]:
     ]
     if skin["overlap_mean"] is not None:
         lines.append(
-            f"  predicted overlap with the skin's cells: {skin['overlap_mean']:.3f} mean, "
+            f"  predicted overlap with the skin's cells, by the fast estimate: "
+            f"{skin['overlap_mean']:.3f} mean, "
             f"{skin['overlap_least']:.3f} in the worst" + _good(skin, " ({} of {} cells good)")
         )
     if skin["posed_rms_mm"] is not None:
@@ -170,7 +171,7 @@ def _skin_verdict(told: dict[str, Any]) -> str:
         f"{skin['worst_mm']:.2f} mm at most"
     )
     if skin["overlap_mean"] is not None:
-        words += f", and cells overlap by {100 * skin['overlap_mean']:.1f} % (mean)"
+        words += f", and cells overlap by about {100 * skin['overlap_mean']:.1f} % (mean)"
         words += _good(skin, ", {} of {} good")
     if not skin["equilibrium"]:
         words = f"not confirmed, the finer mesh has no equilibrium: {words}"

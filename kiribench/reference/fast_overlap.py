@@ -5,7 +5,7 @@ flat coordinates of the skin about each cell are sampled once, by the same log m
 a bicubic polynomial in skin coordinates; a patch cell is then the straight-sided quad of its
 corners' images. That leaves out the bow of the geodesic sides and what the polynomial misses;
 :func:`kiribench.reference.fast_overlap.FastOverlap` is tested against the exact route, and is
-used for search and Monte Carlo only, never for a result that is reported as the score.
+used for search, Monte Carlo and the estimate that a design prints, never for a score.
 """
 
 from __future__ import annotations

@@ -127,3 +127,16 @@ def test_a_flat_response_has_one_extreme_of_each_kind_and_no_end() -> None:
     assert sorted(sign) == [-1.0, 1.0] and len(points) == 2
     ends, _, peaks, _ = rough_ends(patches, np.array([0.4]), np.array([1.0]))
     assert len(ends) == len(peaks) == 0
+
+
+def test_an_extreme_between_low_nodes_is_found_beside_a_higher_node() -> None:
+    count, step, slope = 9, 0.1, 0.2
+    nodes = np.zeros((1, count, count, 4))
+    nodes[0, 1, 1, 0] = 0.05  # a bump on the grid, by more than the search about nodes allows
+    # A square whose nodes are at 0 and rise inward: Hermite's cubics reach slope / 4 along each
+    # axis in the middle, slope / 2 together, and nothing on the grid shows it.
+    nodes[0, 5, 5:7, 1] = nodes[0, 5:7, 5, 2] = slope
+    nodes[0, 6, 5:7, 1] = nodes[0, 5:7, 6, 2] = -slope
+    points, _, sign = rough_extremes(Patchwork(step * np.arange(count), nodes))
+    highest = points[sign < 0]
+    np.testing.assert_allclose(highest, [[0.55, 0.55]], atol=1e-6)
